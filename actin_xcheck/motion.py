@@ -1,0 +1,64 @@
+"""Motions that are not the force balance: prescribed by a formula, or recorded from another run."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from actin_xcheck.geometry import Mesh
+from actin_xcheck.model import Array
+from actin_xcheck.solver import Motion, Move
+
+
+@dataclass(frozen=True)
+class PrescribedMotion:
+    """Nodes follow x(xi, t): positions are evaluated, not integrated, so no error of motion enters."""
+
+    mesh: Mesh
+    motion: Motion
+
+    def start(self, x: Array) -> Array:
+        """Positions at t = 0, (2, N); a prescribed motion overrides initial displacements."""
+        return self.motion(self.mesh.xi, 0.0)
+
+    def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+        """Move the nodes to their prescribed positions at t + dt."""
+        new = self.motion(self.mesh.xi, t + dt)
+        return Move(new, (new - x) / dt)
+
+    def velocity(self, t: float, x: Array, corners: Array) -> Array:
+        """Velocity (2, N) by a central difference of the prescribed positions."""
+        eps = 1e-6
+        return (self.motion(self.mesh.xi, t + eps) - self.motion(self.mesh.xi, t - eps)) / (2 * eps)
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """The node paths of a finished run, replayed step by step.
+
+    Attributes
+    ----------
+    moves : the run's state at t = 0 and the move of every step, with the time each one ends at.
+    """
+
+    times: Array
+    moves: tuple[Move, ...]
+
+    def start(self, x: Array) -> Array:
+        """Positions at t = 0, (2, N)."""
+        return self.moves[0].x
+
+    def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+        """Return the recorded move that ends at t + dt.
+
+        Raises
+        ------
+        ValueError : no recorded step ends there.
+        """
+        index = int(np.argmin(np.abs(self.times - (t + dt))))
+        if abs(self.times[index] - (t + dt)) > 1e-9 * max(1.0, t + dt):
+            raise ValueError(f"no recorded step ends at t = {t + dt:.9g}")
+        return self.moves[index]
+
+    def velocity(self, t: float, x: Array, corners: Array) -> Array:
+        """Recorded velocity (2, N) of the step that ended at t."""
+        return self.moves[int(np.argmin(np.abs(self.times - t)))].v

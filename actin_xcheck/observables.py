@@ -1,0 +1,106 @@
+"""What is measured on a state, the same for every method: area, actin, centroid, polarity, extrema, probes."""
+
+import numpy as np
+
+from actin_xcheck.geometry import Indices, Mesh, integral, signed_areas
+from actin_xcheck.model import Array
+
+
+def area(x: Array, triangles: Indices) -> float:
+    """Area of the cell with node positions x (2, N)."""
+    return float(signed_areas(x, triangles).sum())
+
+
+def centroid(x: Array, triangles: Indices) -> Array:
+    """Geometric centroid (2,) of the cell with node positions x (2, N)."""
+    areas = signed_areas(x, triangles)
+    return x[:, triangles].mean(axis=1) @ areas / areas.sum()
+
+
+def total_actin(x: Array, triangles: Indices, corners: Array) -> float:
+    """Integral of a: exact for P1, and sum a_i V_i for a mean-preserving reconstruction of cell averages."""
+    return integral(x, triangles, corners)
+
+
+def balance_residual(
+    dt: float, rate: float, before: float, after: float, cell_area: float, source: float
+) -> float:
+    """Relative residual of a first-order scheme's own balance of total actin over one step.
+
+    [(1 + dt k) m(t+dt) - m(t) - dt (k |Omega| + S)] / m(t+dt) with m total actin, k the reaction rate
+    (1 or 0), S the integrated source and |Omega| the area of the configuration on which the scheme
+    integrates the constant 1: the old one in (B.23b), the new one for the finite volumes.
+    """
+    return ((1 + dt * rate) * after - before - dt * (rate * cell_area + source)) / after
+
+
+def jacobian_min(mesh: Mesh, x: Array) -> float:
+    """Smallest det dx/dxi over the cells."""
+    return float((signed_areas(x, mesh.triangles) / signed_areas(mesh.xi, mesh.triangles)).min())
+
+
+def probe(triangles: Indices, cells: Indices, weights: Array, corners: Array, x: Array) -> tuple[Array, Array]:
+    """Concentration (k,) and position (k, 2) of material points located by `geometry.locate`."""
+    return (weights * corners[:, cells]).sum(axis=0), (weights * x[:, triangles[:, cells]]).sum(axis=1).T
+
+
+def polarity(points: Array) -> float:
+    """Minor over major axis of the minimum-area ellipse around points (2, n), to 1e-8.
+
+    The index of polarity of section 5.3.1.  The ellipse {y : |A y + b| <= 1} maximises log det A; a
+    log-barrier Newton method in its five unknowns follows the central path until the duality gap is below
+    1e-11.
+    """
+    centre = points.mean(axis=1, keepdims=True)
+    scale = np.hypot(*(points - centre)).max()
+    y = (points - centre) / scale
+    # A = [[p, q], [q, r]], residual A y + b is linear in s = (p, q, r, b1, b2)
+    zero, one = np.zeros(y.shape[1]), np.ones(y.shape[1])
+    row1 = np.array([y[0], y[1], zero, one, zero])
+    row2 = np.array([zero, y[0], y[1], zero, one])
+    s = np.array([0.5, 0.0, 0.5, 0.0, 0.0])
+    weight = 1.0
+    while True:
+        s = _centre(s, row1, row2, weight)
+        if y.shape[1] / weight < 1e-11:
+            break
+        weight *= 20.0
+    axes = 1 / np.linalg.eigvalsh(np.array([[s[0], s[1]], [s[1], s[2]]]))
+    return float(axes.min() / axes.max())
+
+
+def _centre(s: Array, row1: Array, row2: Array, weight: float) -> Array:
+    """Newton's method with backtracking for the minimum of -weight log det A - sum log(1 - |A y + b|^2)."""
+    value = _barrier(s, row1, row2, weight)
+    for _ in range(60):
+        (p, q, r), det = s[:3], s[0] * s[2] - s[1] ** 2
+        first, second = s @ row1, s @ row2
+        slack = 1 - first**2 - second**2
+        normal = 2 * (first * row1 + second * row2) / slack
+        adjugate = np.array([r, -2 * q, p, 0, 0]) / det
+        gradient = -weight * adjugate + normal.sum(axis=1)
+        curvature = np.zeros((5, 5))
+        curvature[0, 2] = curvature[2, 0] = -1 / det
+        curvature[1, 1] = 2 / det
+        hessian = weight * (np.outer(adjugate, adjugate) + curvature)
+        hessian += normal @ normal.T + 2 * ((row1 / slack) @ row1.T + (row2 / slack) @ row2.T)
+        newton = -np.linalg.solve(hessian, gradient)
+        decrement = -gradient @ newton
+        if decrement < 1e-8:
+            return s + newton
+        step, floor = 1.0, 1e-15 * abs(value)
+        while not (trial := _barrier(s + step * newton, row1, row2, weight)) <= value - 0.1 * step * decrement:
+            step *= 0.5
+            if step * decrement < floor:  # round-off of the barrier value itself
+                return s
+        s, value = s + step * newton, trial
+    return s
+
+
+def _barrier(s: Array, row1: Array, row2: Array, weight: float) -> float:
+    """The barrier function, infinite outside of its domain."""
+    slack = 1 - (s @ row1) ** 2 - (s @ row2) ** 2
+    det = s[0] * s[2] - s[1] ** 2
+    if s[0] <= 0 or det <= 0 or slack.min() <= 0:
+        return np.inf
+    return float(-weight * np.log(det) - np.log(slack).sum())

@@ -1,0 +1,82 @@
+"""Model parameters: the non-dimensional groups of (3.1) and their dimensional origin (Table 1)."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Non-dimensional parameters of (3.2); the defaults are Table 2.
+
+    Attributes
+    ----------
+    psi : contractile tonicity.
+    p : pressure coefficient (negative values are allowed, section 5.4).
+    d : diffusion coefficient of F-actin.
+    a_sat : saturation concentration.
+    mu1, mu2 : shear and bulk viscosity.
+    nu : Poisson's ratio.
+    l0 : radius beyond which delta of (2.6) is 1, as a fraction of the cell's radius.
+    """
+
+    psi: float
+    p: float
+    d: float = 0.4
+    a_sat: float = 1.4
+    mu1: float = 2.5
+    mu2: float = 6.5
+    nu: float = 0.3
+    l0: float = 0.8
+
+    @property
+    def mu(self) -> float:
+        """Total viscosity mu1 + mu2 of (3.5)."""
+        return self.mu1 + self.mu2
+
+    @property
+    def nu_prime(self) -> float:
+        """nu' = nu / (1 - 2 nu) of (3.2)."""
+        return self.nu / (1 - 2 * self.nu)
+
+
+@dataclass(frozen=True)
+class DimensionalParameters:
+    """Parameters in the units of Table 1 (dyn, cm, s); the defaults are Table 1.
+
+    Attributes
+    ----------
+    psi, p : contractile tonicity and pressure coefficient, dyn/cm^2.
+    E : Young's modulus, dyn/cm^2.
+    D_a : diffusion coefficient, cm^2/s.
+    k_a : polymerisation rate, 1/s.
+    mu1, mu2 : viscosities, dyn s/cm^2.
+    a_sat, a_c : concentrations, normalised density.
+    L : length scale (the cell's radius), cm.
+    nu, l0 : Poisson's ratio and the ring's inner radius over L.
+    """
+
+    psi: float
+    p: float
+    E: float = 1.5
+    nu: float = 0.3
+    D_a: float = 0.012
+    k_a: float = 0.03
+    a_sat: float = 1.4
+    mu1: float = 96.15
+    mu2: float = 250.0
+    l0: float = 0.8
+    a_c: float = 1.0
+    L: float = 1.0
+
+    def non_dimensional(self) -> Parameters:
+        """Return the groups of (3.1), stresses measured in E / (1 + nu)."""
+        stress = self.E / (1 + self.nu)
+        return Parameters(
+            psi=self.psi * self.a_c**2 / stress,
+            p=self.p / stress,
+            d=self.D_a / (self.k_a * self.L**2),
+            a_sat=self.a_sat / self.a_c,
+            mu1=self.mu1 * self.k_a / stress,
+            mu2=self.mu2 * self.k_a / stress,
+            nu=self.nu,
+            l0=self.l0,
+        )

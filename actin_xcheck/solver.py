@@ -1,0 +1,113 @@
+"""The contract of floor 3: what a problem is, what a solver does, who moves the nodes.
+
+A scene (physics) and a method (numerics) are resolved above into a `Problem` on a `Mesh`; solvers see plain
+arrays and callables only.  Every solver describes its concentration by *corner values*: the values, at the
+three corners of each triangle, of a piecewise linear (possibly discontinuous) field, shape (3, n_cells).
+Cell means, total actin, probes and loads all follow from them, so both codes are measured with one ruler.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from actin_xcheck.geometry import Mesh
+from actin_xcheck.model import Array, Model
+from actin_xcheck.result import Outcome
+
+Motion = Callable[[Array, float], Array]
+"""Prescribed positions x(xi, t): (2, n) at time t for material points xi (2, n)."""
+
+Source = Callable[[Array, Array, float], Array]
+"""Source term s(x, xi, t), per area and time: shape of x[0]."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene resolved into callables on the reference disk (non-dimensional).
+
+    Attributes
+    ----------
+    model : constitutive laws and switches.
+    a0 : initial concentration at material points xi (2, n) -> (n,).
+    u0 : initial displacement at material points, (2, n) -> (2, n).
+    motion : prescribed motion, or None where the force balance moves the cell.
+    source : source term of the transport equation, or None.
+    """
+
+    model: Model
+    a0: Callable[[Array], Array]
+    u0: Callable[[Array], Array]
+    motion: Motion | None = None
+    source: Source | None = None
+
+
+@dataclass(frozen=True)
+class Move:
+    """What a Mechanics returns: new node positions (2, N), node velocities (2, N) and how it went.
+
+    `net_force` (2,) and `net_torque` are the loads the closure's gauge had to carry, per area; zero for
+    closures without a gauge.
+    """
+
+    x: Array
+    v: Array
+    outcome: Outcome = Outcome()
+    net_force: tuple[float, float] = (0.0, 0.0)
+    net_torque: float = 0.0
+
+
+class Mechanics(Protocol):
+    """Who moves the nodes: the force balance, a prescribed motion or a recorded one."""
+
+    def start(self, x: Array) -> Array:
+        """Return the positions at t = 0 for nodes displaced to x (2, N) by the initial data."""
+        ...
+
+    def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+        """Move the nodes from x at t to t + dt, loaded by the concentration's corner values (3, n_cells)."""
+        ...
+
+    def velocity(self, t: float, x: Array, corners: Array) -> Array:
+        """Return the instantaneous node velocities (2, N) at time t."""
+        ...
+
+
+@dataclass(frozen=True)
+class State:
+    """A moment of a run; immutable.  The displacement is u = x - xi (paragraph below (2.5)).
+
+    Attributes
+    ----------
+    t : time.
+    x : node positions, (2, N).
+    a : the method's own unknowns (nodal for P1, cell averages for finite volumes).
+    v : node velocities over the last step, (2, N).
+    balance_residual : the scheme's own discrete conservation law, relative to total actin.
+    net_force, net_torque : loads carried by the gauge of `traction-free` over the last step.
+    """
+
+    t: float
+    x: Array
+    a: Array
+    v: Array
+    balance_residual: float = 0.0
+    net_force: tuple[float, float] = (0.0, 0.0)
+    net_torque: float = 0.0
+
+
+class Solver(Protocol):
+    """A method bound to a problem and a mesh: explicit `init`, pure `step`."""
+
+    mesh: Mesh
+
+    def init(self) -> State:
+        """Return the state at t = 0."""
+        ...
+
+    def step(self, state: State, dt: float) -> tuple[State, Outcome]:
+        """Return the state at t + dt and how the step went; a rejected step is simply dropped."""
+        ...
+
+    def corners(self, state: State) -> Array:
+        """Corner values (3, n_cells) of the concentration."""
+        ...

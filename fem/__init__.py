@@ -1,0 +1,1 @@
+"""Moving-grid finite elements for the coupled model, on scikit-fem (Appendix B)."""

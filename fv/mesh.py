@@ -1,0 +1,88 @@
+"""FiPy's view of a mesh, and FiPy itself behind a guarded import."""
+
+import os
+import sys
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from actin_xcheck.geometry import Indices, Mesh
+from actin_xcheck.model import Array
+
+
+def _import_fipy() -> Any:
+    """Import FiPy with SciPy's solvers; it would take our command line for its own (`--petsc`, ...)."""
+    os.environ.setdefault("FIPY_SOLVERS", "scipy")
+    arguments, sys.argv = sys.argv, sys.argv[:1]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import fipy
+    finally:
+        sys.argv = arguments
+    return fipy
+
+
+fipy = _import_fipy()
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """The faces of a triangulation; cell i is triangle i.
+
+    Attributes
+    ----------
+    mesh : the reference mesh.
+    nodes : the two nodes of each face, counter-clockwise seen from its first cell, (2, n_faces).
+    of_cell : the three faces of each cell, (3, n_cells).
+    cells : first and second cell of each face, (2, n_faces); -1 for the second one on the rim.
+    """
+
+    mesh: Mesh
+    nodes: Indices
+    of_cell: Indices
+    cells: Indices
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "Faces":
+        """Number the faces of a mesh; the first cell of a face is the one that is met first."""
+        triangles = mesh.triangles
+        directed = np.stack([triangles[[i, (i + 1) % 3]] for i in range(3)], axis=-1)  # (2, n_cells, 3)
+        directed = directed.reshape(2, -1)  # cell by cell
+        _, first, number = np.unique(np.sort(directed, axis=0), axis=1, return_index=True, return_inverse=True)
+        number = number.ravel()
+        owner = np.arange(directed.shape[1]) // 3
+        cells = np.full((2, first.size), -1)
+        cells[0] = owner[first]
+        second = np.setdiff1d(np.arange(directed.shape[1]), first)
+        cells[1, number[second]] = owner[second]
+        return cls(mesh, directed[:, first], number.reshape(-1, 3).T, cells)
+
+    @cached_property
+    def interior(self) -> Indices:
+        """Numbers of the faces between two cells."""
+        return np.flatnonzero(self.cells[1] >= 0)
+
+    @cached_property
+    def rim(self) -> Indices:
+        """Numbers of the faces on the rim."""
+        return np.flatnonzero(self.cells[1] < 0)
+
+    def geometry(self, x: Array) -> tuple[Array, Array]:
+        """Of the interior faces with nodes at x: outward area vector of the first cell and centroid distance.
+
+        Both (2, n_interior); the area vector's length is the face's.
+        """
+        edge = x[:, self.nodes[1, self.interior]] - x[:, self.nodes[0, self.interior]]
+        centroids = x[:, self.mesh.triangles].mean(axis=1)
+        first, second = self.cells[:, self.interior]
+        return np.array([edge[1], -edge[0]]), centroids[:, second] - centroids[:, first]
+
+    def fipy_mesh(self) -> Any:
+        """FiPy's `Mesh2D` of the reference configuration."""
+        from fipy.meshes.mesh2D import Mesh2D
+
+        return Mesh2D(self.mesh.xi, self.nodes, self.of_cell)
