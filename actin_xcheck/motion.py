@@ -6,6 +6,7 @@ import numpy as np
 
 from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Array
+from actin_xcheck.result import Outcome
 from actin_xcheck.solver import Motion, Move
 
 
@@ -37,11 +38,13 @@ class RecordedMotion:
 
     Attributes
     ----------
-    moves : the run's state at t = 0 and the move of every step, with the time each one ends at.
+    times, moves : the state at t = 0 and the move of every step, with the time each one ends at.
+    outcome : how the recorded run ended; a step beyond its end fails with it.
     """
 
     times: Array
     moves: tuple[Move, ...]
+    outcome: Outcome
 
     def start(self, x: Array) -> Array:
         """Positions at t = 0, (2, N)."""
@@ -56,6 +59,8 @@ class RecordedMotion:
         """
         index = int(np.argmin(np.abs(self.times - (t + dt))))
         if abs(self.times[index] - (t + dt)) > 1e-9 * max(1.0, t + dt):
+            if not self.outcome.ok and t + dt > self.times[-1]:
+                return Move(x, np.zeros_like(x), self.outcome)
             raise ValueError(f"no recorded step ends at t = {t + dt:.9g}")
         return self.moves[index]
 

@@ -60,16 +60,14 @@ def polarity(points: Array) -> float:
     row2 = np.array([zero, y[0], y[1], zero, one])
     s = np.array([0.5, 0.0, 0.5, 0.0, 0.0])
     weight = 1.0
-    while True:
-        s = _centre(s, row1, row2, weight)
-        if y.shape[1] / weight < 1e-11:
-            break
-        weight *= 20.0
+    while (gap := y.shape[1] / weight) > 1e-12:
+        s = _centre(s, row1, row2, weight, tolerance=1e-8 if gap < 1e-10 else 0.5)
+        weight *= 30.0
     axes = 1 / np.linalg.eigvalsh(np.array([[s[0], s[1]], [s[1], s[2]]]))
     return float(axes.min() / axes.max())
 
 
-def _centre(s: Array, row1: Array, row2: Array, weight: float) -> Array:
+def _centre(s: Array, row1: Array, row2: Array, weight: float, tolerance: float) -> Array:
     """Newton's method with backtracking for the minimum of -weight log det A - sum log(1 - |A y + b|^2)."""
     value = _barrier(s, row1, row2, weight)
     for _ in range(60):
@@ -86,7 +84,7 @@ def _centre(s: Array, row1: Array, row2: Array, weight: float) -> Array:
         hessian += normal @ normal.T + 2 * ((row1 / slack) @ row1.T + (row2 / slack) @ row2.T)
         newton = -np.linalg.solve(hessian, gradient)
         decrement = -gradient @ newton
-        if decrement < 1e-8:
+        if decrement < tolerance:
             return s + newton
         step, floor = 1.0, 1e-15 * abs(value)
         while not (trial := _barrier(s + step * newton, row1, row2, weight)) <= value - 0.1 * step * decrement:

@@ -48,7 +48,9 @@ def prolongation(closure: Closure, mesh: Mesh, x: Array) -> sp.csr_matrix:
         return sp.identity(2 * count, format="csr")[:, free]
     rim = mesh.rim_nodes
     direction = rim_directions(closure, mesh, x)
-    interior = np.setdiff1d(np.arange(count), rim)
+    inside = np.ones(count, dtype=bool)
+    inside[rim] = False
+    interior = np.flatnonzero(inside)
     rows = np.concatenate([2 * interior, 2 * interior + 1, 2 * rim, 2 * rim + 1])
     columns = np.arange(2 * interior.size)
     tied = 2 * interior.size + np.arange(rim.size)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from skfem.helpers import div
 
 from actin_xcheck.geometry import Mesh
 from actin_xcheck.linear import solve
@@ -14,6 +15,15 @@ from actin_xcheck.solver import Move
 from fem import forms
 from fem.boundary import prolongation, rigid_motions, settle
 from fem.mesh import Bases, interleave, separate
+
+
+@dataclass(frozen=True)
+class _System:
+    """A + dt B (2N, 2N), F - B u (2N,) and the smallest dilation of each cell (n_cells,)."""
+
+    matrix: sp.csr_matrix
+    load: Array
+    dilation: Array
 
 
 @dataclass(frozen=True)
@@ -46,52 +56,50 @@ class ForceBalance:
 
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the nodes from x (2, N) at t by one step of (B.23a) under corner values (3, n_cells)."""
-        outcome = self._dilation_outcome(t, x)
+        system = self.assemble(x, corners, dt)
+        outcome = self._dilation_outcome(t, system.dilation)
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
-        v, gauge, outcome = self._rates(x, corners, dt)
-        return Move(
-            settle(self.model.closure, self.mesh, x + dt * v), v, outcome, gauge.force, gauge.torque
-        )
+        v, gauge, outcome = self._rates(x, system)
+        settled = settle(self.model.closure, self.mesh, x + dt * v)
+        return Move(settled, v, outcome, gauge.force, gauge.torque)
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
         """Return the instantaneous velocities of A v = F - B u (B.21), (2, N)."""
-        return self._rates(x, corners, 0.0)[0]
+        return self._rates(x, self.assemble(x, corners, 0.0))[0]
 
     def displacement(self, x: Array) -> Array:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def _rates(self, x: Array, corners: Array, dt: float) -> tuple[Array, _Gauge, Outcome]:
-        system, load = self.assemble(x, corners, dt)
-        gauge = self._balanced(x, load)
+    def _rates(self, x: Array, system: _System) -> tuple[Array, _Gauge, Outcome]:
+        gauge = self._balanced(x, system.load)
         free = prolongation(self.model.closure, self.mesh, x)
-        q, outcome = solve(free.T @ system @ free, free.T @ gauge.load)
+        q, outcome = solve(free.T @ system.matrix @ free, free.T @ gauge.load)
         v = free @ q
         if self.model.closure is Closure.TRACTION_FREE:
             v = self._without_rigid_motion(x, v)
         return separate(v), gauge, outcome
 
-    def assemble(self, x: Array, corners: Array, dt: float) -> tuple[sp.csr_matrix, Array]:
-        """Return A + dt B (2N, 2N) and F - B u (2N,) on the configuration x, unconstrained."""
+    def assemble(self, x: Array, corners: Array, dt: float) -> _System:
+        """Return A + dt B, F - B u and the dilation on the configuration x, unconstrained."""
         model, u = self.model, interleave(self.displacement(x))
-        system = forms.network(model, dt).assemble(self.bases.vector.at(x))
+        matrix = forms.network(model, dt).assemble(self.bases.vector.at(x))
         inside, rim = self.bases.vector_load.at(x), self.bases.rim.at(x)
-        a = corners.T.ravel()
-        load = forms.active_load(model).assemble(
-            inside,
-            a=self.bases.corners_load.interpolate(a),
-            u=inside.interpolate(u),
-            delta=np.broadcast_to(self.delta[:, None], inside.dx.shape),
+        a_inside, a_rim = (
+            np.asarray(basis.interpolate(corners.T.ravel()))
+            for basis in (self.bases.corners_load, self.bases.corners_rim)
         )
-        load += forms.rim_load(model).assemble(
-            rim, a=self.bases.corners_rim.interpolate(a), u=rim.interpolate(u)
-        )
+        u_inside, u_rim = inside.interpolate(u), rim.interpolate(u)
+        f_inside = model.active_stress(a_inside, div(u_inside), self.delta[:, None])
+        f_rim = model.active_stress(a_rim, div(u_rim), model.delta_on_rim())
+        load = forms.active_load(model).assemble(inside, f=f_inside, u=u_inside)
+        load += forms.rim_load.assemble(rim, f=f_rim)
         if model.closure is Closure.IRROTATIONAL_WALL:
             (mu1, _), (one, _) = model.viscous_moduli(), model.elastic_moduli()
-            system = system + forms.slip_friction(mu1 + dt * one).assemble(rim)
+            matrix = matrix + forms.slip_friction(mu1 + dt * one).assemble(rim)
             load -= forms.slip_friction(one).assemble(rim) @ u
-        return system, load
+        return _System(matrix, load, div(u_inside).min(axis=1))
 
     def _balanced(self, x: Array, load: Array) -> _Gauge:
         """Subtract the uniform force and the torque per area that leave no net load on a free cell."""
@@ -113,14 +121,10 @@ class ForceBalance:
         mass = forms.mass.assemble(self.bases.scalar.at(x))
         return rigid, sp.kron(mass, sp.identity(2), format="csr") @ rigid
 
-    def _dilation_outcome(self, t: float, x: Array) -> Outcome:
+    def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:
         """1 + phi <= 0 is where the pressure (2.5) ends; phi = 2 - tr F^-1 with F = dx/dxi."""
-        if self.model.rheology is Rheology.VISCOUS or self.model.parameters.p == 0:
-            return Outcome()
-        basis = self.bases.vector.at(x)
-        dilation = np.einsum("iiet->et", basis.interpolate(interleave(x - self.mesh.xi)).grad).min(axis=1)
         worst = int(np.argmin(dilation))
-        if 1 + dilation[worst] > 0:
+        if self.model.parameters.p == 0 or 1 + dilation[worst] > 0:
             return Outcome()
         where = self.mesh.centroids[:, worst]
         message = (

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 from skfem import BilinearForm, LinearForm
 from skfem.helpers import ddot, div, dot, grad, sym_grad
 
@@ -27,25 +26,19 @@ def network(model: Model, dt: float) -> BilinearForm:
 
 
 def active_load(model: Model) -> LinearForm:
-    """F - B u inside the cell: -f div w - sigma_e(u) : grad w (B.16a,b); fields a, u and delta."""
+    """F - B u inside the cell: -f div w - sigma_e(u) : grad w (B.16a,b); fields f and u."""
 
     @LinearForm
     def form(w, fields):  # type: ignore[no-untyped-def]
-        f = model.active_stress(np.asarray(fields["a"]), div(fields["u"]), np.asarray(fields["delta"]))
-        return -f * div(w) - isotropic(model.elastic_moduli(), fields["u"], w)
+        return -fields["f"] * div(w) - isotropic(model.elastic_moduli(), fields["u"], w)
 
     return form
 
 
-def rim_load(model: Model) -> LinearForm:
+@LinearForm
+def rim_load(w, fields):  # type: ignore[no-untyped-def]
     """The boundary integral of f w.n (B.16a,b): sigma_c and sigma_p do not vanish on the rim."""
-
-    @LinearForm
-    def form(w, fields):  # type: ignore[no-untyped-def]
-        f = model.active_stress(np.asarray(fields["a"]), div(fields["u"]), model.delta_on_rim())
-        return f * dot(fields["n"], w)
-
-    return form
+    return fields["f"] * dot(fields["n"], w)
 
 
 def slip_friction(modulus: float) -> BilinearForm:

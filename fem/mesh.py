@@ -31,11 +31,16 @@ class MovingBasis:
 
     def __init__(self, basis: Basis | FacetBasis) -> None:
         self.reference = basis
-        self.geometry = basis.with_element(ElementVector(ElementTriP1()))
+        geometry = basis.with_element(ElementTriP1())
+        shapes = [field for (field,) in geometry.basis]
+        self._dofs = geometry.element_dofs
+        self._values = np.array([np.broadcast_to(shape, basis.dx.shape) for shape in shapes])
+        self._gradients = np.array([shape.grad for shape in shapes])
 
     def at(self, x: Array) -> Basis | FacetBasis:
         """Return the basis in the configuration with node positions x (2, N)."""
-        deformation = np.asarray(self.geometry.interpolate(interleave(x)).grad)
+        nodes = x[:, self._dofs].swapaxes(0, 1)[..., None]  # (3, 2, n_elements, 1)
+        deformation = sum(nodes[a, :, None] * self._gradients[a] for a in range(3))
         pull, jacobian = inv(deformation), det(deformation)
         moved = copy.copy(self.reference)
         moved.basis = [(_pushed(field, pull),) for (field,) in self.reference.basis]
@@ -46,7 +51,7 @@ class MovingBasis:
             moved.dx = self.reference.dx * stretch
         else:
             moved.dx = self.reference.dx * jacobian
-        moved._global_coordinates = DiscreteField(np.asarray(self.geometry.interpolate(interleave(x))))
+        moved._global_coordinates = DiscreteField(sum(nodes[a] * self._values[a] for a in range(3)))
         return moved
 
 
@@ -54,7 +59,7 @@ def _pushed(field: DiscreteField, pull: Array) -> DiscreteField:
     """A basis function with its gradient taken with respect to x: grad_xi w F^-1."""
     if field.grad is None:
         return field
-    gradient = np.einsum("...jet,jket->...ket", field.grad, pull)
+    gradient = sum(field.grad[..., j, None, :, :] * pull[j] for j in range(2))
     return DiscreteField(np.asarray(field), grad=gradient)
 
 

@@ -49,7 +49,7 @@ class FvDiamond:
         x = self.mechanics.start(xi + self.problem.u0(xi))
         points = quadrature_points(xi, self.mesh.triangles)
         a = self.problem.a0(points.reshape(2, -1)).reshape(points.shape[1:]).mean(axis=0)
-        corners = self._corners(x, a)
+        corners = reconstruct(self.mesh.triangles, a, vertex_interpolation(self.faces, x) @ a)
         v = self.mechanics.velocity(0.0, x, corners)
         return FvState(0.0, x, a, v, corner_values=corners)
 
@@ -76,11 +76,11 @@ class FvDiamond:
         matrix, rhs = self.equation.system(
             dt, old.a, signed_areas(old.x, triangles), volumes, coefficients(self.faces, new.x), source
         )
+        to_vertices = vertex_interpolation(self.faces, new.x)
         if self.consistent:
-            to_vertices = vertex_interpolation(self.faces, new.x)
             matrix = matrix - model.parameters.d * cross_flux(self.faces, new.x, to_vertices)
         a, outcome = solve(matrix, rhs)
-        corners = self._corners(new.x, a)
+        corners = reconstruct(triangles, a, to_vertices @ a)
         residual = balance_residual(
             dt,
             model.reaction_rate(),
@@ -90,9 +90,6 @@ class FvDiamond:
             float(source @ volumes),
         )
         return replace(new, a=a, corner_values=corners, balance_residual=residual), outcome
-
-    def _corners(self, x: Array, a: Array) -> Array:
-        return reconstruct(self.mesh.triangles, a, vertex_interpolation(self.faces, x) @ a)
 
     def _source(self, t: float, x: Array) -> Array:
         if self.problem.source is None:

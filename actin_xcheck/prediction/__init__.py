@@ -1,0 +1,56 @@
+"""What theory says a run must do: linear stability on the disk (3.3-3.9, A.1), and growth rates out of runs.
+
+Depends on the model alone; no solver is imported here and no solver imports this.
+"""
+
+from actin_xcheck.prediction.dispersion import (
+    Eigenfield,
+    Version,
+    coefficients,
+    eigenfield,
+    growth_rates,
+    isolated_modes,
+    k2_crit,
+    leading_growth_rate,
+    printed_3_7,
+    sigma_prime,
+    unstable_modes,
+)
+from actin_xcheck.prediction.errata import ERRATA, TABLE_4_PRINTED, TABLE_6_PRINTED, Erratum, Table4Row
+from actin_xcheck.prediction.growth import (
+    Extrapolation,
+    GrowthFit,
+    amplitude_at_rest,
+    extrapolate,
+    fit_growth,
+)
+from actin_xcheck.prediction.modes import Mode, count_below, modes_below, table_6, wavenumber
+
+__all__ = [
+    "ERRATA",
+    "TABLE_4_PRINTED",
+    "TABLE_6_PRINTED",
+    "Eigenfield",
+    "Erratum",
+    "Extrapolation",
+    "GrowthFit",
+    "Mode",
+    "Table4Row",
+    "Version",
+    "amplitude_at_rest",
+    "coefficients",
+    "count_below",
+    "eigenfield",
+    "extrapolate",
+    "fit_growth",
+    "growth_rates",
+    "isolated_modes",
+    "k2_crit",
+    "leading_growth_rate",
+    "modes_below",
+    "printed_3_7",
+    "sigma_prime",
+    "table_6",
+    "unstable_modes",
+    "wavenumber",
+]

@@ -1,0 +1,80 @@
+"""What the tests share: a run in memory and the orders read off a sequence of errors."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from actin_xcheck.geometry import INTERIOR_POINTS, quadrature_points, signed_areas
+from actin_xcheck.model import Array
+from actin_xcheck.registry import METHODS
+from actin_xcheck.result import Outcome
+from actin_xcheck.runs import bind
+from actin_xcheck.scene import Scene, parse_scene
+from actin_xcheck.solver import Solver, State
+from actin_xcheck.stepping import integrate
+
+FEM, FV = "fem-p1-paper", "fv-coupled"
+
+
+@dataclass
+class Film:
+    """An observer that keeps every state."""
+
+    solver: Solver
+    states: list[State] = field(default_factory=list)
+    frames: list[State] = field(default_factory=list)
+
+    def record(self, dt: float, state: State) -> None:
+        self.states.append(state)
+
+    def frame(self, state: State) -> None:
+        self.frames.append(state)
+
+    @property
+    def last(self) -> State:
+        return self.states[-1]
+
+    @property
+    def residual(self) -> float:
+        """Largest balance residual of the run."""
+        return max(abs(state.balance_residual) for state in self.states)
+
+
+def film_of(solver: Solver, dt: float, times: Sequence[float]) -> tuple[Film, Outcome]:
+    """Integrate a solver and keep everything."""
+    film = Film(solver)
+    return film, integrate(solver, dt, times, film)
+
+
+def play(scene: Scene, method: str, refine: int, dt: float, times: Sequence[float] | None = None) -> Film:
+    """Run a scene in memory; it must complete."""
+    film, outcome = film_of(bind(scene, METHODS[method], refine, dt), dt, times or scene.output_times)
+    assert outcome.ok, outcome
+    return film
+
+
+def error_against(film: Film, exact: Callable[[Array, Array], Array]) -> float:
+    """Relative L2 error of the last state; of the field for finite elements, of cell averages otherwise."""
+    mesh, x = film.solver.mesh, film.last.x
+    truth = exact(quadrature_points(x, mesh.triangles), quadrature_points(mesh.xi, mesh.triangles))
+    corners, areas = film.solver.corners(film.last), signed_areas(x, mesh.triangles)
+    if film.last.a.size == mesh.xi.shape[1]:
+        return float(
+            np.sqrt((((INTERIOR_POINTS @ corners - truth) ** 2) @ areas).sum() / (truth**2 @ areas).sum())
+        )
+    mean = truth.mean(axis=0)
+    return float(np.sqrt(areas @ (corners.mean(axis=0) - mean) ** 2 / (areas @ mean**2)))
+
+
+def local_orders(errors: Sequence[float], ratio: float = 2.0) -> Array:
+    """Orders between successive levels whose step shrinks by `ratio`."""
+    e = np.asarray(errors)
+    return np.log(e[:-1] / e[1:]) / np.log(ratio)
+
+
+def scene_of(parameters: str = "psi = 0.0\np = 0.0", a: str = "1", end: float = 0.1, more: str = "") -> Scene:
+    """A small scene from a few lines of TOML."""
+    return parse_scene(
+        f'name = "test"\n[parameters]\n{parameters}\n[initial]\na = "{a}"\n[time]\nend = {end}\n{more}', "test.toml"
+    )

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from skfem import MeshTri
+
+from actin_xcheck.geometry import disk, integral, locate, orientation, signed_areas
+from actin_xcheck.result import Ending
+
+
+def edges(triangles):
+    return {tuple(sorted(edge)) for t in triangles.T for edge in (t[:2], t[1:], t[[0, 2]])}
+
+
+@pytest.mark.parametrize(("refine", "nodes"), [(5, 2113), (6, 8321)])
+def test_the_articles_meshes_have_the_articles_node_counts(refine, nodes):
+    assert disk(refine, 0.8).xi.shape[1] == nodes
+
+
+def test_topology_is_that_of_init_circle():
+    """Undo the circles: on the diamond both are the same uniform refinement."""
+    ours, theirs = disk(3, 0.8), MeshTri.init_circle(3)
+    diamond = MeshTri(np.array([[0, 1, 0, -1, 0], [0, 0, 1, 0, -1.0]]), np.array([[0, 1, 2], [0, 1, 4], [0, 2, 3], [0, 3, 4]]).T)
+    for _ in range(3):
+        diamond = diamond.refined()
+    assert np.array_equal(diamond.t, theirs.t)
+    layer = np.abs(diamond.p).sum(axis=0)
+    angle = np.arctan2(diamond.p[1], diamond.p[0])
+    quarter = np.floor(angle / (np.pi / 2) + 1e-12)
+    x, y = diamond.p / np.where(layer > 0, layer, 1)
+    along = np.abs(np.where(quarter % 2 == 0, y, x))
+    radius = np.interp(np.rint(layer * 8), [0, 6, 8], [0, 0.8, 1])
+    points = radius * np.array([np.cos(np.pi / 2 * (quarter + along)), np.sin(np.pi / 2 * (quarter + along))])
+    match = np.hypot(*(points[:, :, None] - ours.xi[:, None, :])).argmin(axis=1)
+    assert len(set(match)) == ours.xi.shape[1]
+    assert edges(match[theirs.t]) == edges(ours.triangles)
+
+
+@pytest.mark.parametrize("l0", [0.3, 0.8, 0.93])
+def test_a_line_of_nodes_lies_on_the_ring(l0):
+    mesh = disk(4, l0)
+    on_ring = np.isclose(np.hypot(*mesh.xi), l0, atol=1e-14)
+    assert on_ring.sum() == 4 * round(l0 * 16)
+    outside = np.hypot(*mesh.centroids) > l0
+    corners = np.hypot(*mesh.xi[:, mesh.triangles])
+    assert np.all(corners[:, outside] >= l0 - 1e-12)
+    assert np.all(corners[:, ~outside] <= l0 + 1e-12)
+
+
+def test_triangles_are_counter_clockwise_and_fill_the_disk_to_second_order():
+    defects = []
+    for refine in (3, 4, 5):
+        mesh = disk(refine, 0.8, rotation=0.3)
+        areas = signed_areas(mesh.xi, mesh.triangles)
+        assert areas.min() > 0
+        defects.append(np.pi - areas.sum())
+    assert np.allclose(np.log2(np.array(defects[:-1]) / defects[1:]), 2, atol=0.02)
+
+
+def test_rim_is_one_counter_clockwise_chain():
+    mesh = disk(3, 0.8)
+    angle = np.unwrap(np.arctan2(*mesh.xi[::-1, mesh.rim_nodes]))
+    assert np.all(np.diff(angle) > 0)
+    assert mesh.rim_nodes.size == 32
+    assert np.array_equal(mesh.rim[1], np.roll(mesh.rim[0], -1))
+
+
+def test_locate_finds_material_points_and_projects_those_outside_the_polygon():
+    mesh = disk(3, 0.8)
+    rng = np.random.default_rng(1)
+    radius, angle = np.sqrt(rng.uniform(0, 0.98, 200)), rng.uniform(0, 2 * np.pi, 200)
+    points = radius * np.array([np.cos(angle), np.sin(angle)])
+    cells, weights = locate(mesh, points)
+    assert weights.min() >= -1e-12
+    found = (weights * mesh.xi[:, mesh.triangles[:, cells]]).sum(axis=1)
+    assert np.allclose(found, points, atol=1e-14)
+    mid_chord = np.array([[np.cos(np.pi / 32)], [np.sin(np.pi / 32)]])
+    cells, weights = locate(mesh, mid_chord)
+    found = (weights * mesh.xi[:, mesh.triangles[:, cells]]).sum(axis=1)
+    assert np.allclose(found, mid_chord * np.cos(np.pi / 32), atol=1e-14)
+
+
+def test_integral_of_a_linear_field_is_exact():
+    mesh = disk(3, 0.8)
+    field = 2 + mesh.xi[0] - 3 * mesh.xi[1]
+    assert integral(mesh.xi, mesh.triangles, field[mesh.triangles]) == pytest.approx(
+        2 * signed_areas(mesh.xi, mesh.triangles).sum(), rel=1e-13
+    )
+
+
+def test_a_flipped_triangle_is_named():
+    mesh = disk(2, 0.8)
+    x = mesh.xi.copy()
+    x[:, 5] += 1.0
+    outcome = orientation(mesh, 0.25, x)
+    assert outcome.ending is Ending.TANGLED
+    assert "t = 0.25" in outcome.message
+    assert orientation(mesh, 0.0, mesh.xi).ok
+    assert orientation(mesh, 0.0, mesh.xi * np.nan).ending is Ending.NON_FINITE

@@ -1,0 +1,349 @@
+"""The report: it says everything the files hold, escapes what they say, and needs nothing but itself."""
+
+import itertools
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.errors import UserError
+from actin_xcheck.geometry import disk, signed_areas
+from actin_xcheck.report import write_report
+from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.store import RunWriter, write_comparison
+
+SCRIPT = "<script>console.error('injected')<"  # no slash: it is part of an HDF5 path
+TIMES = (0.0, 0.05, 0.1, 0.13, 0.1636)
+SCENE = """
+name = "a-scene"
+source = "Fig. 14 <b>&</b> section 5.3.2"
+[parameters]
+psi = 318.067
+p = 0.26
+[model]
+closure = "reference-normal"
+[initial]
+a = "1 + 0.1*abs(sin(x)*sin(y))"
+[time]
+end = 0.1636
+"""
+
+
+def write_run(
+    path: Path,
+    scene: str,
+    method: str,
+    *,
+    amplitude: float = 1.0,
+    bias: float = 0.0,
+    growth: bool = False,
+    outcome: Outcome | None = None,
+    refine: int = 3,
+) -> None:
+    """A four-lobed cell that grows; an outcome other than success ends it at t = 0.1."""
+    mesh = disk(refine, 0.8)
+    times = [t for t in TIMES if outcome is None or t <= 0.1]
+    attributes = {"scene": SCENE, "scene_name": scene, "method": "{}", "method_name": method}
+    attributes |= {"command": f"python -m actin_xcheck run {scene} --method {method}", "commit": "c0ffee" * 6}
+    attributes |= {"versions": json.dumps({"numpy": np.__version__, "fipy": "4.0.3"}), "refine": refine}
+    if growth:
+        attributes["growth_rate_predicted"] = 16.3
+    r, theta = np.hypot(*mesh.xi), np.arctan2(*mesh.xi[::-1])
+
+    def cell(t: float) -> tuple[np.ndarray, np.ndarray]:
+        x = mesh.xi * (1 + 2 * amplitude * t * r * (1 + 0.5 * np.cos(4 * theta)))
+        return x, 1 + amplitude * 8 * t * r**2 * np.sin(2 * theta) ** 2 + bias * t * np.sin(5 * mesh.xi[0])
+
+    delta = (np.hypot(*mesh.centroids) > 0.8).astype(float)
+    with RunWriter(path, mesh.xi, mesh.triangles, delta, {**attributes, "dt": 1e-3, "seed": 0}) as writer:
+        for n in range(161):
+            t = n * TIMES[-1] / 160
+            if t > times[-1] + 1e-9:
+                break
+            x, a = cell(t)
+            area = signed_areas(x, mesh.triangles).sum()
+            row: dict[str, Any] = {"time": t, "dt": 1e-3, "area": area, "total_actin": area * a.mean()}
+            row |= {"balance_residual": (n % 7) * 1e-16 * (-1) ** n, "centroid": (1e-3 * t, bias * t**2)}
+            row |= {"polarity": 1 - t, "a_min": a.min(), "a_max": a.max(), "jacobian_min": 1.0}
+            row |= {"probe_a": a[:2], "probe_x": x[:, :2].T}
+            writer.record(row | ({"mode_amplitude": 1e-6 * np.exp(16 * t)} if growth else {}))
+        for t in times:
+            x, a = cell(t)
+            writer.frame(t, x, a, a[mesh.triangles].mean(axis=0), x - mesh.xi, mesh.xi)
+        writer.finish(outcome or Outcome(), wall_seconds=12.3)
+
+
+def claim(scene: str, method: str, statement: str, value: float, note: str = "") -> Claim:
+    path = f"/runs/{scene}/{method}/run/series/area"
+    return Claim(scene, (method,), statement, value, 2e-3, f"compare {scene} --method {method}", path, note)
+
+
+def write_comparison_of_everything(folder: Path, refine: int = 3) -> list[Claim]:
+    """Scenes with two, one and three methods; one run fails, and so do two claims."""
+    tangled = Outcome(Ending.TANGLED, "triangle 17 lost its orientation at t = 0.1")
+    files: dict[str, Path] = {}
+
+    def run(scene: str, method: str, **more: Any) -> None:
+        files[f"{scene}/{method}"] = folder / f"{len(files)}.vtkhdf"
+        write_run(files[f"{scene}/{method}"], scene, method, refine=refine, **more)
+
+    run("fig14-four-fronts", "fv-coupled", bias=0.02)  # not in the order of the page
+    run("fig14-four-fronts", "fem-p1-paper")
+    run("mode-11-wall", "fem-p1-paper", growth=True, amplitude=1e-6)
+    run("mode-11-wall", "fv-coupled", growth=True, amplitude=1e-6, bias=1e-8)
+    run("static-decay", "fem-p1-paper", amplitude=0.0)
+    run(SCRIPT, "fem-p1-paper")
+    run(SCRIPT, "fv-driven", bias=-0.02)
+    run(SCRIPT, "fv-tpfa", amplitude=1.4, outcome=tangled)
+    claims = [
+        claim("fig14-four-fronts", "fem-p1-paper", "Area equals the reference value", 1.2e-3, "2.3 h^2"),
+        claim("fig14-four-fronts", "fv-coupled", "Total actin equals the reference value", 4.5e-4),
+        claim("mode-11-wall", "fem-p1-paper", "The mode grows at the predicted rate", 1.9e-3),
+        claim("static-decay", "fem-p1-paper", "The L2 error is of second order", 3.1e-3),
+        claim(SCRIPT, "fv-tpfa", "Runs to its end", float("nan"), "no number: the run failed"),
+        Claim(SCRIPT, ("fem-p1-paper", "fv-driven"), "FEM and FV agree", 1e-5, 1e-4, "compare", "/runs"),
+    ]
+    attributes = {"command": "python -m actin_xcheck compare", "commit": "c0ffee" * 6}
+    write_comparison(folder / "comparison.h5", claims, files, attributes)
+    return claims
+
+
+class Tags(HTMLParser):
+    """Every tag of a page with its attributes, and all of its text."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+    def attributes(self, tag: str, name: str) -> list[str | None]:
+        return [attributes.get(name) for other, attributes in self.tags if other == tag]
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Claim]]:
+    folder = tmp_path_factory.mktemp("report")
+    claims = write_comparison_of_everything(folder)
+    return write_report(folder), claims
+
+
+def test_every_claim_is_told_in_full(reported: tuple[Path, list[Claim]]) -> None:
+    page, claims = reported
+    text = Tags(page).text
+    assert "4 of 6 claims hold" in " ".join(text.split())
+    for claim in claims:
+        for part in (claim.scene, *claim.methods, claim.statement, claim.command, claim.path, claim.note):
+            assert part in text
+        assert (f"{claim.value:.3g}" if np.isfinite(claim.value) else "no number") in text
+    assert (text.count("PASS"), text.count("FAIL")) == (4, 2)
+
+
+def test_a_failed_run_is_shown_with_its_outcome_up_to_its_end(reported: tuple[Path, list[Claim]]) -> None:
+    tags = Tags(reported[0])
+    assert "tangled" in tags.text
+    assert "triangle 17 lost its orientation at t = 0.1" in tags.text
+    assert "a failed run goes beyond" in tags.text
+    shown = [alt for alt in tags.attributes("img", "alt") if alt and alt.startswith("a of fv-tpfa")]
+    assert [re.search(r"t = ([\d.]+)", alt)[1] for alt in shown] == ["0", "0.05", "0.1"]
+
+
+def test_rows_are_fem_then_fv_then_their_differences(reported: tuple[Path, list[Claim]]) -> None:
+    alts = [alt for alt in Tags(reported[0]).attributes("img", "alt") if alt]
+    rows = [name for name, _ in itertools.groupby(alt.split(" at t")[0] for alt in alts)]
+    assert rows[:3] == ["a of fem-p1-paper", "a of fv-coupled", "fv-coupled − fem-p1-paper"]
+    last = next(alt for alt in alts if alt.startswith("fv-coupled −") and "t = 0.1636" in alt)
+    assert float(last.rsplit(" ", 1)[1]) == pytest.approx(0.02 * 0.1636, rel=0.05)  # the bias put in
+
+
+def test_growth_is_charted_where_it_was_measured(reported: tuple[Path, list[Claim]]) -> None:
+    assert Tags(reported[0]).text.count("Mode amplitude") == 1
+    assert Tags(reported[0]).text.count("Total actin ∫a") == 4
+
+
+def test_what_files_say_is_text_and_never_markup(reported: tuple[Path, list[Claim]]) -> None:
+    tags = Tags(reported[0])
+    names = {tag for tag, _ in tags.tags}
+    assert not names & {"script", "b", "iframe", "object", "embed"}
+    assert SCRIPT in tags.text
+    assert "Fig. 14 <b>&</b> section" in tags.text
+
+
+def test_the_page_is_whole_in_itself(reported: tuple[Path, list[Claim]]) -> None:
+    page = reported[0]
+    tags, source = Tags(page), page.read_text(encoding="utf-8")
+    loaded = [
+        a[name] for _, a in tags.tags for name in ("src", "srcset", "data", "xlink:href") if a.get(name)
+    ]
+    assert all(url.startswith(("data:", "#")) for url in loaded if url)
+    assert all(url and url.startswith("data:") for url in tags.attributes("link", "href"))
+    assert not re.search(r"@import|url\((?!#)", source)
+    assert all(tags.attributes("img", "alt"))
+    ids = [attributes["id"] for _, attributes in tags.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert page.stat().st_size < 3e6
+
+
+def test_links_lead_to_the_runs_beside_the_page(reported: tuple[Path, list[Claim]]) -> None:
+    page = reported[0]
+    links = [link for link in Tags(page).attributes("a", "href") if link and not link.startswith("#")]
+    assert sorted(links) == sorted(path.name for path in page.parent.glob("*.vtkhdf"))
+
+
+def test_the_same_files_give_the_same_page(tmp_path: Path) -> None:
+    write_comparison_of_everything(tmp_path, refine=2)
+    once = write_report(tmp_path).read_bytes()
+    assert write_report(tmp_path).read_bytes() == once
+
+
+def test_a_folder_without_a_comparison_is_the_users_mistake(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"comparison\.h5: no such file"):
+        write_report(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+ON_3_AND_4 = (
+    "import os, sys; r, w, *c = sys.argv[1:]; os.dup2(int(r), 3); os.dup2(int(w), 4); os.execv(c[0], c)"
+)
+
+
+class Browser:
+    """Headless Chromium, driven by the DevTools protocol over the pipe it reads on 3 and writes on 4."""
+
+    def __init__(self, profile: Path) -> None:
+        import fcntl  # only where there are pipes by number
+
+        assert CHROMIUM
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for pipe in (os.pipe(), os.pipe()) for end in pipe]
+        theirs_in, ours_out, ours_in, theirs_out = ends
+        flags = "headless no-sandbox disable-gpu disable-quic no-first-run disable-background-networking"
+        flags += " disable-component-update disable-sync disable-dev-shm-usage remote-debugging-pipe"
+        command = [sys.executable, "-c", ON_3_AND_4, str(theirs_in), str(theirs_out), CHROMIUM]
+        command += [f"--{flag}" for flag in (*flags.split(), f"user-data-dir={profile}")]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self.process = subprocess.Popen(command, pass_fds=(theirs_in, theirs_out), **quiet)
+        for end in (theirs_in, theirs_out):
+            os.close(end)
+        self.out, self.into = os.fdopen(ours_out, "wb", 0), os.fdopen(ours_in, "rb")
+        self.alarm = threading.Timer(60, self.process.kill)  # then the pipe ends and `read` says so
+        self.alarm.start()
+        self.numbers, self.events, self.session = itertools.count(1), [], {}
+        target = self.ask("Target.createTarget", url="about:blank")["targetId"]
+        self.session = {
+            "sessionId": self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        }
+        for domain in ("Network", "Log", "Runtime", "Page"):
+            self.ask(f"{domain}.enable")
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.session = {}
+        self.ask("Browser.close")
+        self.process.wait()
+        self.alarm.cancel()
+        self.out.close()
+        self.into.close()
+
+    def read(self) -> dict[str, Any]:
+        message = bytearray()
+        while (byte := self.into.read(1)) != b"\0":
+            if not byte:
+                raise EOFError("Chromium ended")
+            message += byte
+        return json.loads(message)
+
+    def ask(self, method: str, **params: Any) -> dict[str, Any]:
+        number = next(self.numbers)
+        self.out.write(
+            json.dumps({"id": number, "method": method, "params": params, **self.session}).encode() + b"\0"
+        )
+        while (message := self.read()).get("id") != number:
+            self.events.append(message)
+        assert "error" not in message, message
+        return message["result"]
+
+    def evaluate(self, expression: str) -> Any:
+        return self.ask("Runtime.evaluate", expression=expression, awaitPromise=True)["result"].get("value")
+
+    def complaints(self, page: Path) -> list[str]:
+        """Open a page; what it printed to the console and what it asked the network for beside itself."""
+        self.events.clear()
+        self.ask("Page.navigate", url=page.as_uri())
+        while not any(event["method"] == "Page.loadEventFired" for event in self.events):
+            self.events.append(self.read())
+        self.evaluate("new Promise(resolve => setTimeout(resolve, 200))")
+        found = []
+        for event in self.events:
+            match event["method"], event["params"]:
+                case "Network.requestWillBeSent", {"request": {"url": url}}:
+                    if url != page.as_uri() and not url.startswith("data:"):
+                        found.append(f"request {url}")
+                case "Log.entryAdded", {"entry": {"text": text}}:
+                    found.append(f"log {text}")
+                case "Runtime.consoleAPICalled" | "Runtime.exceptionThrown" as what, params:
+                    found.append(f"{what} {params}")
+        return found
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if CHROMIUM is None or os.name != "posix":
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+def test_a_browser_shows_the_page_without_a_complaint(
+    browser: Browser, reported: tuple[Path, list[Claim]]
+) -> None:
+    assert browser.complaints(reported[0]) == []
+    assert browser.evaluate("document.title").startswith("4 of 6 claims hold")
+    pictures = "Array.from(document.images, image => image.naturalWidth > 100)"
+    assert browser.evaluate(f"{pictures}.length") > 40
+    assert browser.evaluate(f"{pictures}.every(Boolean)")
+
+
+def test_a_page_with_faults_would_be_noticed(browser: Browser, tmp_path: Path) -> None:
+    page = tmp_path / "faulty.html"
+    page.write_text("<img src='http://127.0.0.1:9/x.png'><script>console.error('oops'); undefined()</script>")
+    found = " ".join(browser.complaints(page))
+    for fault in ("request http://127.0.0.1:9/x.png", "oops", "exceptionThrown"):
+        assert fault in found
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_page_fits_its_window(browser: Browser, reported: tuple[Path, list[Claim]], width: int) -> None:
+    screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
+    browser.ask("Emulation.setDeviceMetricsOverride", **screen)
+    browser.complaints(reported[0])
+    assert browser.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_ink_follows_the_readers_theme(browser: Browser, reported: tuple[Path, list[Claim]]) -> None:
+    colours = set()
+    for theme in ("light", "dark"):
+        browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+        browser.complaints(reported[0])
+        colours.add(browser.evaluate("getComputedStyle(document.querySelector('svg text')).fill"))
+        colours.add(browser.evaluate("getComputedStyle(document.body).backgroundColor"))
+    assert len(colours) == 4

@@ -1,0 +1,321 @@
+import pickle
+import re
+import tomllib
+
+import numpy as np
+import pytest
+import sympy
+
+from actin_xcheck.errors import UserError
+from actin_xcheck.expression import coordinates
+from actin_xcheck.model import Closure, Delta, Model, Rheology
+from actin_xcheck.parameters import Parameters
+from actin_xcheck.scene import load_scene, parse_scene, scene_text, shipped_scenes
+
+GOOD = """
+name = "mine"
+source = "me"
+[parameters]
+psi = 10
+p = 0.5
+[model]
+delta = "full"
+[initial]
+a = "1 + 0.1*x"
+u = ["0.1*x", "0"]
+[time]
+end = 1
+outputs = [0.2, 0.6]
+[probes]
+points = [[0, 0], [0.6, 0.8]]
+[as_published]
+refine = 5
+dt = 0.1
+[expect.agreement]
+bound = { h2 = 1.0 }
+[expect.reference]
+origin = "a table"
+bound = { dt = 1 }
+[[expect.reference.at]]
+time = 0.6
+area = 3.1
+probe_a = [1.0, nan]
+"""
+WALL = """
+name = "wall"
+[parameters]
+psi = 10
+p = 0.5
+[model]
+delta = "none"
+closure = "irrotational-wall"
+[initial]
+a = "1"
+eigenmode = { m = 1, n = 1, amplitude = 1e-6 }
+[time]
+end = 1
+[expect.growth_rate]
+m = 1
+n = 1
+window = [0, 1]
+bound = { h2 = 1 }
+"""
+MOVING = """
+name = "moving"
+[parameters]
+psi = 0
+p = 0
+[initial]
+a = "1"
+[time]
+end = 1
+[motion]
+x = "x0*exp(t)"
+y = "y0"
+[expect.exact]
+a = "1 + x - x0 + t"
+bound = { h2 = 1 }
+"""
+
+
+def test_a_full_scene():
+    scene = parse_scene(GOOD, "mine.toml")
+    assert scene.name == "mine"
+    assert scene.citation == "me"
+    assert scene.source_term is None
+    assert scene.parameters == Parameters(psi=10, p=0.5)
+    assert scene.physics == Model(Parameters(psi=10, p=0.5), delta=Delta.FULL)
+    assert scene.output_times == (0.2, 0.6, 1.0)
+    assert scene.probes.points == ((0, 0), (0.6, 0.8))
+    assert (scene.as_published.refine, scene.as_published.dt) == (5, 0.1)
+    assert scene.expect.agreement.bound.h2 == 1
+    assert scene.expect.agreement.bound.dt == 0
+    assert np.isnan(scene.expect.reference.at[0].probe_a[1])
+    assert scene.expect.reference.at[0].probe_x is None
+    assert (scene.text, scene.origin, scene.mode) == (GOOD, "mine.toml", None)
+
+
+def test_defaults_are_those_of_the_article_and_the_model():
+    scene = parse_scene(MOVING, "moving.toml")
+    assert scene.physics == Model(
+        Parameters(0, 0), Rheology.VISCOELASTIC, Closure.REFERENCE_NORMAL, Delta.RING
+    )
+    assert scene.output_times == (1.0,)
+    assert scene.citation == ""
+    assert scene.domain.rotation == 0
+    assert scene.motion.x(x0=2, y0=0, t=0) == 2
+
+
+def test_a_growth_rate_names_its_mode():
+    assert parse_scene(WALL, "wall.toml").mode == (1, 1)
+
+
+def test_source_may_be_a_table():
+    text = MOVING + '[source]\na = "x*t"\ncitation = "me"\n'
+    scene = parse_scene(text, "moving.toml")
+    assert scene.citation == "me"
+    assert scene.source_term(x=2, y=0, r=2, theta=0, x0=1, y0=0, t=3) == 6
+
+
+def test_dimensional_parameters_are_converted():
+    text = GOOD.replace("[parameters]", "[dimensional]").replace("psi = 10", "psi = 367")
+    assert parse_scene(text, "mine.toml").parameters.psi == pytest.approx(318.067, abs=1e-3)
+
+
+def test_scenes_are_frozen_and_survive_pickling():
+    scene = parse_scene(MOVING, "moving.toml")
+    copy = pickle.loads(pickle.dumps(scene))
+    assert copy == scene
+    assert (copy.text, copy.origin) == (MOVING, "moving.toml")
+    with pytest.raises(ValueError, match="frozen"):
+        scene.name = "other"
+
+
+MISTAKES = [
+    # text, replaced, by, what the line must say
+    (GOOD, 'name = "mine"', "", "name is missing; required keys are name, initial, time"),
+    (GOOD, 'name = "mine"', "name = 3", "name = 3: should be a valid string"),
+    (GOOD, '"mine"', '"../mine"', "name = '../mine': should be letters, digits"),
+    (GOOD, '"mine"', '""', "name = '': should be letters, digits"),
+    (GOOD, 'source = "me"', "source = 3", "source = 3: should be a table with keys among citation, a"),
+    (GOOD, "psi = 10", "", "parameters.psi is missing; required keys are psi, p"),
+    (GOOD, "psi = 10", "pssi = 10", "unknown key parameters.pssi (did you mean psi?); valid keys are psi, p, d,"),
+    (GOOD, "[probes]", "[probs]", "unknown key probs (did you mean probes?); valid keys are name, source, parameters,"),
+    (GOOD, "area", "aera", "unknown key expect.reference.at[0].aera (did you mean area?); valid keys are time, area"),
+    (GOOD, "h2 =", "h3 =", "unknown key expect.agreement.bound.h3; valid keys are h2, dt"),
+    (GOOD, "psi = 10", 'psi = "10"', "parameters.psi = '10': should be a valid number"),
+    (GOOD, "psi = 10", "psi = true", "parameters.psi = True: should be a valid number"),
+    (GOOD, "psi = 10", "psi = -1", "parameters.psi = -1: should be greater than or equal to 0"),
+    (GOOD, "p = 0.5", "p = nan", "parameters.p = nan: should be a finite number"),
+    (GOOD, "p = 0.5", "p = 0\nnu = 0.5", "parameters.nu = 0.5: should be less than 0.5"),
+    (GOOD, "p = 0.5", "p = 0\nnu = -1", "parameters.nu = -1: should be greater than -1"),
+    (GOOD, "p = 0.5", "p = 0\nd = -0.4", "parameters.d = -0.4: should be greater than or equal to 0"),
+    (GOOD, "p = 0.5", "p = 0\nl0 = 1.0", "parameters.l0 = 1.0: should be less than 1"),
+    (GOOD, "p = 0.5", "p = 0\na_sat = 0", "parameters.a_sat = 0: should be greater than 0"),
+    (GOOD, "p = 0.5", "p = 0\nmu1 = 0", "parameters.mu1 = 0: should be greater than 0"),
+    (GOOD, "p = 0.5", "p = 0\n[dimensional]\npsi = 0\np = 0", "dimensional = {'psi': 0.0, 'p': 0.0}: should be a table, one of"),
+    (GOOD, "[parameters]\npsi = 10\np = 0.5", "", "parameters = None: should be a table, one of [parameters] and [dimensional]"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nE = 0", "dimensional.E = 0: should be greater than 0"),
+    (GOOD, '"full"', '"rim"', "model.delta = 'rim': should be 'ring', 'membrane', 'none' or 'full'"),
+    (GOOD, 'delta = "full"', "reaction = 1", "model.reaction = 1: should be a valid boolean"),
+    (GOOD, '"1 + 0.1*x"', '"1 + 0.1*z"', "initial.a = '1 + 0.1*z': unknown name z; valid names are x, y, r, theta"),
+    (GOOD, '"1 + 0.1*x"', "1", "initial.a = 1: should be an expression in quotes"),
+    (GOOD, '"1 + 0.1*x"', '"1 + x"', "is 0 at (x, y) = (-1, 1.22465e-16)"),
+    (GOOD, '"1 + 0.1*x"', '"r"', "initial.a = 'r': should be positive on the unit disk at t = 0, but is 0 at (x, y) = (0"),
+    (GOOD, '"1 + 0.1*x"', '"1/r"', "should be positive on the unit disk at t = 0, but is inf at (x, y) = (0, 0)"),
+    (GOOD, '["0.1*x", "0"]', '["0", "log(r)"]', "initial.u[1] = 'log(r)': should be finite on the unit disk"),
+    (GOOD, '["0.1*x", "0"]', '["0"]', "initial.u[1] is missing"),
+    (GOOD, '["0.1*x", "0"]', '["0", "0", "0"]', "initial.u = "),
+    (GOOD, "end = 1", "end = 0", "time.end = 0: should be greater than 0"),
+    (GOOD, "[0.2, 0.6]", "[0.6, 0.2]", "time.outputs = [0.6, 0.2]: should increase strictly from above 0"),
+    (GOOD, "[0.2, 0.6]", "[0, 0.6]", "time.outputs = [0.0, 0.6]: should increase strictly from above 0"),
+    (GOOD, "[0.2, 0.6]", "[0.6, 2]", "time.outputs = [0.6, 2.0]: should not go beyond time.end = 1"),
+    (GOOD, "[0.2, 0.6]", "0.6", "time.outputs = 0.6: should be a valid list"),
+    (GOOD, "[0.6, 0.8]", "[1, 1]", "probes.points[1] = [1, 1]: should lie in the unit disk, |xi| <= 1"),
+    (GOOD, "[0.6, 0.8]", '[1, "1"]', "probes.points[1][1] = '1': should be a valid number"),
+    (GOOD, "refine = 5", "refine = 11", "as_published.refine = 11: should be less than or equal to 10"),
+    (GOOD, "refine = 5", "refine = 5.5", "as_published.refine = 5.5: should be a valid integer"),
+    (GOOD, "dt = 0.1", "dt = 0", "as_published.dt = 0: should be greater than 0"),
+    (GOOD, "h2 = 1.0", "h2 = 0", "expect.agreement.bound = {'h2': 0}: should give h2 or dt above 0"),
+    (GOOD, "time = 0.6", "time = 0.5", "expect.reference.at[0].time = 0.5: should be an output time: 0.2, 0.6, 1"),
+    (GOOD, "[1.0, nan]", "[1.0]", "expect.reference.at[0].probe_a = [1.0]: should have one entry per probe, 2, not 1"),
+    (GOOD, "area = 3.1", "area = inf", "expect.reference.at[0].area = inf: should be a number, or nan"),
+    (WALL, "amplitude = 1e-6", "amplitude = inf", "initial.eigenmode.amplitude = inf: should be a finite number"),
+    (WALL, "amplitude = 1e-6", "amplitude = 2", "initial.a = '1': should be positive on the unit disk"),
+    (WALL, "m = 1, n = 1,", "m = 0, n = 1,", "initial.eigenmode.n = 1: should be at least 2 for m = 0"),
+    (WALL, "m = 1\n", "m = -1\n", "expect.growth_rate.m = -1: should be greater than or equal to 0"),
+    (WALL, "[0, 1]", "[1, 1]", "expect.growth_rate.window = [1.0, 1.0]: should be [t0, t1] with 0 <= t0 < t1 <= time.end"),
+    (WALL, "[0, 1]", "[0, 2]", "expect.growth_rate.window = [0.0, 2.0]: should be [t0, t1]"),
+    (WALL, "irrotational-wall", "traction-free", "model.closure = 'traction-free': should be 'irrotational-wall' where"),
+    (WALL, '"none"', '"ring"', "model.delta = 'ring': should be 'none' or 'full' where p != 0 and a mode is given"),
+    (MOVING, 'a = "1"\n', 'a = "1"\nu = ["0", "0"]\n', "initial.u = ['0', '0']: should not stand beside [motion]"),
+    (MOVING, 'a = "1"\n', 'a = "1"\neigenmode = {m=1, n=1, amplitude=0.1}\n', "'amplitude': 0.1}: should not stand beside"),
+    (MOVING, 'y = "y0"', 'y = "y"', "motion.y = 'y': unknown name y; valid names are x0, y0, t, pi"),
+    (MOVING, 'y = "y0"', 'y = "y0/t"', "motion.y = 'y0/t': should be finite on the unit disk at t = 0"),
+    (MOVING, 'y = "y0"', "", "motion.y is missing; required keys are x, y"),
+    (MOVING, "x - x0 + t", "q", "expect.exact.a = '1 + q': unknown name q; valid names are x, y, r, theta, x0, y0, t, pi"),
+    (MOVING, "end = 1", "end = 1979-05-27", "time.end = datetime.date(1979, 5, 27): should be a valid number"),
+    (MOVING, "end = 1", f"end{'.a' * 3000} = 1", "time.end = {'a': {'a'"),
+    (MOVING, "end = 1", '"e\\nd" = 1', "unknown key time.e d"),
+    (MOVING, "end = 1", f"end = 1{'0' * 400}", "time.end = "),
+    (MOVING, "end = 1", "end = ", "not valid TOML: Invalid value (at line"),
+    (MOVING, "end = 1", "end = " + "[" * 2000 + "]" * 2000, "not valid TOML: nested too deeply"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "old", "new", "line"), MISTAKES)
+def test_a_mistake_is_one_line_that_names_its_place(text, old, new, line):
+    assert text.count(old) >= 1
+    with pytest.raises(UserError) as refusal:
+        parse_scene(text.replace(old, new, 1), "my.toml")
+    assert str(refusal.value).startswith("my.toml: ")
+    assert line in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_scenes_are_loaded_from_files(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())  # as a Windows editor saves it
+    assert load_scene(path).name == load_scene(str(path)).name == "mine"
+    assert load_scene(path).origin == str(path)
+    assert scene_text(path) == GOOD
+
+
+def test_files_that_are_no_scenes(tmp_path):
+    folder, text = tmp_path / "folder.toml", tmp_path / "latin.toml"
+    folder.mkdir()
+    text.write_bytes("name = 'é'".encode("latin-1"))
+    with pytest.raises(UserError, match=re.escape(f"{folder}: cannot be read (Is a directory)")):
+        load_scene(folder)
+    with pytest.raises(UserError, match=re.escape(f"{text}: not UTF-8 text")):
+        load_scene(text)
+    with pytest.raises(UserError, match=r"absent.toml: cannot be read \(No such file or directory\)"):
+        scene_text(tmp_path / "absent.toml")
+    with pytest.raises(UserError, match="cannot be read"):
+        load_scene("a\0b.toml")
+
+
+def test_an_unknown_name_lists_the_shipped_ones():
+    with pytest.raises(
+        UserError, match=r"unknown scene 'fig14-four-front' \(did you mean fig14-four-fronts\?\)"
+    ) as refusal:
+        load_scene("fig14-four-front")
+    assert all(name in str(refusal.value) for name in shipped_scenes())
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_load(name):
+    scene = load_scene(name)
+    assert scene.name == scene.origin == name
+    assert scene.citation
+    assert len(scene.probes.points) >= 5
+    assert scene.text == scene_text(name)
+    assert pickle.loads(pickle.dumps(scene)).text == scene.text
+
+
+@pytest.mark.parametrize("name", [name for name in shipped_scenes() if load_scene(name).expect.exact])
+def test_exact_solutions_solve_the_transport_equation(name):
+    """a_t - d Delta a + div(a v) = 1 - a + s with n.grad a = 0 on the rim, where dx/dt = v along the motion."""
+    scene = load_scene(name)
+    x, y, t, x0, y0 = sympy.symbols("x y t x0 y0", real=True)
+    names = {"x": x, "y": y, "t": t, "x0": x0, "y0": y0, "J": sympy.besselj}
+    names |= {"r": sympy.sqrt(x**2 + y**2), "theta": sympy.atan2(y, x)}
+
+    def read(expression):
+        return sympy.sympify(str(expression), locals=names)
+
+    squared = x**2 + y**2
+    velocity = {
+        "static-decay": (sympy.Integer(0), sympy.Integer(0)),
+        "growing-disk": (x / 2, y / 2),
+        "stirred": ((1 - squared) * x / 2 - 2 * squared * y, (1 - squared) * y / 2 + 2 * squared * x),
+    }[name]
+    path = (read(scene.motion.x), read(scene.motion.y)) if scene.motion else (x0, y0)
+    a = read(scene.expect.exact.a)
+    source = read(scene.source_term) if scene.source_term else 0
+    d = scene.parameters.d
+    residual = a.diff(t) - d * (a.diff(x, 2) + a.diff(y, 2)) - (1 - a) - source
+    residual += (a * velocity[0]).diff(x) + (a * velocity[1]).diff(y)
+    flux = x * a.diff(x) + y * a.diff(y)
+
+    for radius, angle, time in (0.3, 0.7, 0.1), (0.8, 2.5, 0.3), (1.0, -1.2, 0.5):
+        start = {x0: radius * np.cos(angle), y0: radius * np.sin(angle), t: time}
+        here = {x: path[0].subs(start).evalf(), y: path[1].subs(start).evalf(), t: time}
+        for component, v in zip(path, velocity, strict=True):
+            assert abs(component.diff(t).subs(start) - v.subs(here)).evalf() < 1e-13
+        assert abs(residual.subs(here).evalf()) < 1e-12
+        if radius == 1:
+            assert abs(flux.subs(here).evalf()) < 1e-12
+    begin = {"x0": 0.3, "y0": -0.4}
+    if scene.motion:
+        assert scene.motion.x(**begin, t=0) == pytest.approx(0.3, abs=1e-15)
+        assert scene.motion.y(**begin, t=0) == pytest.approx(-0.4, abs=1e-15)
+    at = coordinates(np.array([0.3, -0.4]))
+    assert scene.expect.exact.a(**at, **begin, t=0) == pytest.approx(scene.initial.a(**at), abs=1e-15)
+
+
+def test_the_realistic_cell_has_the_groups_of_section_6():
+    parameters = load_scene("sec6-realistic").parameters
+    assert parameters.psi == pytest.approx(22.4, abs=0.05)
+    assert parameters.p == pytest.approx(0.26, abs=1e-12)
+    assert parameters.d == pytest.approx(2.42e-6, abs=5e-9)
+    assert (parameters.mu1, parameters.mu2) == pytest.approx((2.06, 5.36), abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "psi"),
+    [
+        ("fig13-mixed-02-21", 310),
+        ("fig12-mixed-31-02-21", 200),
+        ("fig14-four-fronts", 367),
+        ("fig11-two-fronts", 110),
+        ("fig11-two-fronts-single", 110),
+    ],
+)
+def test_table_5_is_converted(name, psi):
+    assert load_scene(name).parameters.psi == pytest.approx(psi * 1.3 / 1.5, rel=2e-6)
+
+
+def test_every_shipped_scene_is_a_toml_file_of_documented_tables():
+    tables = {key for name in shipped_scenes() for key in tomllib.loads(scene_text(name))}
+    assert tables >= {"parameters", "dimensional", "motion", "source", "expect", "as_published"}
