@@ -72,11 +72,11 @@ class Model:
         """sigma(a) = psi a^2 exp(-a/a_sat) (2.2)."""
         return self.parameters.psi * a**2 * np.exp(-a / self.parameters.a_sat)
 
-    def pressure(self, a: Array, phi: Array, delta: Array) -> Array:
+    def pressure(self, a: Array, phi: Array, delta: Array | float) -> Array:
         """p(a) = p/(1+phi) [1 + (2/pi) delta arctan a] (2.5); phi is the dilation div u."""
         return self.parameters.p / (1 + phi) * (1 + 2 / np.pi * delta * np.arctan(a))
 
-    def active_stress(self, a: Array, phi: Array, delta: Array) -> Array:
+    def active_stress(self, a: Array, phi: Array, delta: Array | float) -> Array:
         """f = sigma(a) + p(a): the isotropic stress whose gradient drives the network (B.4)."""
         return self.contractility(a) + self.pressure(a, phi, delta)
 

@@ -105,7 +105,7 @@ def write_comparison_of_everything(folder: Path, refine: int = 3) -> list[Claim]
     run("static-decay", "fem-p1-paper", amplitude=0.0)
     run(SCRIPT, "fem-p1-paper")
     run(SCRIPT, "fv-driven", bias=-0.02)
-    run(SCRIPT, "fv-tpfa", amplitude=1.4, outcome=tangled)
+    run(SCRIPT, "fv-tpfa", amplitude=3.0, outcome=tangled)
     claims = [
         claim("fig14-four-fronts", "fem-p1-paper", "Area equals the reference value", 1.2e-3, "2.3 h^2"),
         claim("fig14-four-fronts", "fv-coupled", "Total actin equals the reference value", 4.5e-4),
@@ -336,7 +336,7 @@ def test_the_page_fits_its_window(browser: Browser, reported: tuple[Path, list[C
     screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
     browser.ask("Emulation.setDeviceMetricsOverride", **screen)
     browser.complaints(reported[0])
-    assert browser.evaluate("document.documentElement.scrollWidth") == width
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def test_ink_follows_the_readers_theme(browser: Browser, reported: tuple[Path, list[Claim]]) -> None:

@@ -1,0 +1,40 @@
+"""What a comparison asserts: one claim, one number, one bound."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement about the runs of one scene that either holds or does not.
+
+    Attributes
+    ----------
+    scene : name of the scene.
+    methods : names of the methods it is about.
+    statement : one sentence for a reader who knows the article.
+    value : the measured number, smaller is better.
+    bound : the largest value with which the claim holds.
+    command : what reproduces the value.
+    path : HDF5 path, inside the comparison, of the numbers the value was made from.
+    note : where the bound comes from, or any caveat.
+    """
+
+    scene: str
+    methods: tuple[str, ...]
+    statement: str
+    value: float
+    bound: float
+    command: str
+    path: str
+    note: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """True where the value is finite and within the bound: a run that gave no number proves nothing."""
+        return math.isfinite(self.value) and self.value <= self.bound
+
+    @property
+    def verdict(self) -> str:
+        """PASS where the claim holds, else FAIL."""
+        return "PASS" if self.holds else "FAIL"

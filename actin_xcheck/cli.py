@@ -1,0 +1,150 @@
+"""The commands.  A user's mistake is one line on standard error and exit code 2; a failed claim or run is 1."""
+
+import shlex
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from actin_xcheck import compare as comparison
+from actin_xcheck.errors import UserError
+from actin_xcheck.progress import Progress
+from actin_xcheck.registry import METHODS, find_method
+from actin_xcheck.report import write_report
+from actin_xcheck.runs import numerics, run
+from actin_xcheck.scene import load_scene, scene_text, shipped_scenes
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="A verification laboratory for a moving-cell model: two codes and theory held against each other.",
+)
+scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped scenes, or show one.")
+app.add_typer(scenes_app, name="scenes")
+out = Console(soft_wrap=True, highlight=False)
+
+Refine = Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)]
+Dt = Annotated[float | None, typer.Option(help="Largest time step.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
+
+
+def _positive(dt: float | None) -> None:
+    if dt is not None and not dt > 0:
+        raise UserError(f"--dt: {dt:g} is not a time step; valid: a number > 0")
+
+
+@app.command("compare")
+def compare_command(
+    scenes: Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", show_default=False)] = None,
+    method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
+    out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    refine: Refine = None,
+    dt: Dt = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run scenes with FEM and FV, judge them against theory, exact solutions and each other, write a report.
+
+    SCENE is a shipped name or the path of a TOML file; default: a wall mode, static-decay, growing-disk and
+    Fig. 14.  Exit code 0 when all claims hold, 1 when one fails, 2 for a mistake in what was asked.
+    """
+    _positive(dt)
+    loaded = [load_scene(name) for name in scenes or comparison.DEFAULT_SCENES]
+    if repeated := {s.name for s in loaded if [t.name for t in loaded].count(s.name) > 1}:
+        raise UserError(f"compare: more than one scene is named {', '.join(sorted(repeated))}")
+    methods = [find_method(name) for name in dict.fromkeys(method or comparison.DEFAULT_METHODS)]
+    folder = out_dir or Path("reports") / f"compare-{datetime.now():%Y%m%d-%H%M%S}"
+    if (folder / "comparison.h5").exists() and not force:
+        raise UserError(f"--out: {folder} holds a comparison already; valid: another folder, or --force")
+    _make_folder(folder)
+    jobs = comparison.jobs_of(loaded, methods, folder, refine, dt)
+    with Progress(quiet) as progress:
+        claims = comparison.compare(jobs, folder, _command(), progress.report)
+    page = write_report(folder)
+    failed = [claim for claim in claims if not claim.holds]
+    for claim in failed:
+        out.print(f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: ", end="", markup=False)
+        out.print(f"{claim.value:.3g} > {claim.bound:.3g}", markup=False)
+    out.print(f"{len(claims) - len(failed)} of {len(claims)} claims hold; report: {page}", markup=False)
+    raise typer.Exit(1 if failed else 0)
+
+
+@app.command("run")
+def run_command(
+    scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")],
+    out_file: Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")],
+    refine: Refine = None,
+    dt: Dt = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run one scene with one method; exit code 1 (and a file that says why) where the run fails."""
+    _positive(dt)
+    loaded, chosen = load_scene(scene), find_method(method)
+    if out_file.suffix != ".vtkhdf":
+        raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
+    if out_file.exists() and not force:
+        raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
+    _make_folder(out_file.parent)
+    refine, dt = numerics(loaded, refine, dt)
+    with Progress(quiet) as progress:
+        label = f"{loaded.name} · {chosen.name}"
+        outcome = run(
+            loaded, chosen, refine, dt, out_file, _command(), lambda done, n: progress.report(label, done, n)
+        )
+    out.print(f"{outcome.ending}: {outcome.message or out_file}", markup=False)
+    raise typer.Exit(0 if outcome.ok else 1)
+
+
+@scenes_app.callback()
+def scenes_command(context: typer.Context) -> None:
+    """List the shipped scenes with what they are."""
+    if context.invoked_subcommand is None:
+        table = Table("scene", "from", "psi", "p", "rheology", "closure", "delta", box=None)
+        for scene in map(load_scene, shipped_scenes()):
+            parameters, physics = scene.parameters, scene.physics
+            table.add_row(
+                scene.name, scene.citation, f"{parameters.psi:g}", f"{parameters.p:g}",
+                physics.rheology, physics.closure, physics.delta,
+            )  # fmt: skip
+        Console(soft_wrap=True, highlight=False, width=160).print(table)
+
+
+@scenes_app.command("show")
+def scenes_show(name: str) -> None:
+    """Print a scene's TOML: the start of a scene of one's own."""
+    out.print(scene_text(name), markup=False, end="")
+
+
+@app.command("report")
+def report_command(folder: Path) -> None:
+    """Write the HTML report of a comparison again, from its files alone."""
+    out.print(f"report: {write_report(folder)}", markup=False)
+
+
+def _command() -> str:
+    return "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+
+
+def main() -> None:
+    """Entry point: turn a user's mistake into one line and exit code 2."""
+    try:
+        app()
+    except UserError as error:
+        print(f"actin_xcheck: {error}", file=sys.stderr)
+        sys.exit(2)

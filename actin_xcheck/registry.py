@@ -1,0 +1,86 @@
+"""Methods by name, loaded on demand: nothing here imports a solver until it is asked for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from actin_xcheck.errors import UserError
+
+FORCE_BALANCE = "fem.force_balance:ForceBalance"
+"""The one Mechanics that solves the force balance; finite volumes borrow it."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method: everything numerical and nothing physical.
+
+    Attributes
+    ----------
+    name : what the user types.
+    solver : "module:Class" of the solver.
+    driven_by : the method whose node paths this one follows, or None where its own values load the force
+        balance.
+    order_h, order_dt : declared orders of accuracy; 0 where the method does not converge.
+    description : one line for lists and reports.
+    """
+
+    name: str
+    solver: str
+    driven_by: str | None
+    order_h: float
+    order_dt: float
+    description: str
+
+
+METHODS = {
+    method.name: method
+    for method in (
+        Method(
+            "fem-p1-paper",
+            "fem.solver:FemP1Paper",
+            None,
+            2,
+            1,
+            "the article's scheme (B.23): P1 elements on moving triangles, first order in time",
+        ),
+        Method(
+            "fv-coupled",
+            "fv.solver:FvDiamond",
+            None,
+            2,
+            1,
+            "FiPy finite volumes with the linear-exact cross flux; their values load the force balance",
+        ),
+        Method(
+            "fv-driven",
+            "fv.solver:FvDiamond",
+            "fem-p1-paper",
+            2,
+            1,
+            "the same finite volumes on the node paths of a finite-element run: transport alone",
+        ),
+        Method(
+            "fv-tpfa",
+            "fv.solver:FvTwoPoint",
+            "fem-p1-paper",
+            0,
+            1,
+            "FiPy's own diffusion term alone, driven: the exhibit of what does not converge on triangles",
+        ),
+    )
+}
+
+
+def find_method(name: str) -> Method:
+    """Return the method called `name`; UserError lists the valid ones."""
+    if name not in METHODS:
+        raise UserError(f"--method: {name!r} is not a method; valid: {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def load(target: str) -> Callable[..., Any]:
+    """Import "module:attribute" and return the attribute."""
+    module, attribute = target.split(":")
+    loaded: Callable[..., Any] = getattr(import_module(module), attribute)
+    return loaded

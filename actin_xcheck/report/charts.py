@@ -1,0 +1,152 @@
+"""Charts over time, all runs of a scene together: SVG that takes its ink from the page.
+
+Lines of different codes mostly coincide, so each method is drawn thinner than the one before, on top of it.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import StringIO
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from actin_xcheck.model import Array
+from actin_xcheck.store import Run
+
+_INK, _GRID = "#0d0e0f", "#d0d1d2"  # stand-ins, replaced by the page's own colours
+_STYLE = {
+    "svg.fonttype": "none",  # real text: small, selectable, in the page's font
+    "svg.hashsalt": "actin_xcheck",  # the same files give the same page
+    "font.size": 9,
+    **{name: _INK for name in ("text.color", "axes.labelcolor", "xtick.color", "ytick.color")},
+    "axes.edgecolor": _GRID,
+    "axes.grid": True,
+    "grid.color": _GRID,
+    "grid.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.limits": (-3, 4),  # labels short enough for their margin
+}
+_ROUND_OFF = 1e-17
+"""Residuals below it, exact zeros above all, are drawn here: a logarithm has no place for them."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one method is drawn, in charts and in the legend beside them."""
+
+    colour: str
+    width: float
+
+
+STYLES = (Style("#5b9bf0", 3.6), Style("#e4572e", 1.5), Style("#2a9d6e", 1.2), Style("#a463c9", 1.0))
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One chart as inline SVG, its title, and what its lines are and where their numbers stand."""
+
+    title: str
+    note: str
+    path: str
+    svg: str
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """What a chart shows: series of `/run/series`, or components of one, and the dash each is drawn with."""
+
+    title: str
+    note: str
+    series: tuple[str, ...]
+    component: tuple[int, ...] = ()
+    log: bool = False
+
+    def lines(self, run: Run) -> list[Array]:
+        """Return the lines (n,) of one run."""
+        if self.component:
+            return [run.series[self.series[0]][:, i] for i in self.component]
+        return [run.series[name] for name in self.series]
+
+
+_QUANTITIES = (
+    _Quantity("Area |Ω|", "", ("area",)),
+    _Quantity("Polarity", "minor over major axis of the smallest ellipse around the rim", ("polarity",)),
+    _Quantity("Centroid", "x solid, y dashed", ("centroid",), component=(0, 1)),
+    _Quantity("Extrema of a", "largest solid, smallest dashed", ("a_max", "a_min")),
+    _Quantity("Total actin ∫a", "", ("total_actin",)),
+    _Quantity("|Balance residual|", "of total actin, relative, per step", ("balance_residual",), log=True),
+)
+_GROWTH = _Quantity("Mode amplitude", "predicted growth dotted", ("mode_amplitude",), log=True)
+_DASHES = ("-", (0, (4, 2)))
+
+
+def charts(runs: Sequence[Run], prefix: str) -> list[Chart]:
+    """Return the charts of one scene; `prefix` keeps ids apart from those of other scenes on the page."""
+    quantities = [*_QUANTITIES]
+    if any("mode_amplitude" in run.series for run in runs):
+        quantities.insert(0, _GROWTH)
+    with mpl.rc_context(_STYLE):
+        return [_chart(quantity, runs, f"{prefix}-{i}") for i, quantity in enumerate(quantities)]
+
+
+def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
+    figure = Figure(figsize=(4.2, 2.5))
+    axes = figure.add_axes((0.15, 0.16, 0.82, 0.76), xlabel="t")  # fixed: a layout engine draws twice
+    if quantity.log:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")
+        axes.yaxis.set_minor_formatter(lambda value, _: "")
+    for run, style in zip(runs, STYLES * len(runs), strict=False):
+        if not all(name in run.series for name in quantity.series):
+            continue
+        time = run.series["time"]
+        for values, dash in zip(quantity.lines(run), _DASHES, strict=False):
+            shown = np.clip(np.abs(values), _ROUND_OFF, None) if quantity.log else values
+            axes.plot(time, shown, color=style.colour, linewidth=style.width, linestyle=dash)
+            if run.attributes["outcome"] != "completed":
+                axes.plot(time[-1:], shown[-1:], "x", color=style.colour, markersize=7, markeredgewidth=2)
+        if quantity is _GROWTH and "growth_rate_predicted" in run.attributes:
+            _predict(
+                axes, time, np.abs(quantity.lines(run)[0]), float(run.attributes["growth_rate_predicted"])
+            )
+    if not quantity.log:
+        _calm(axes)
+    return Chart(
+        quantity.title,
+        quantity.note,
+        f"/run/series/{', '.join(quantity.series)}",
+        _svg(figure, quantity.title, prefix),
+    )
+
+
+def _predict(axes: Axes, time: Array, amplitude: Array, rate: float) -> None:
+    """Draw exp(rate t) through the first amplitude."""
+    axes.plot(
+        time, amplitude[0] * np.exp(rate * time), color=_INK, linewidth=1.1, linestyle=(0, (1, 2.2)), zorder=3
+    )
+
+
+def _calm(axes: Axes) -> None:
+    """Keep the value axis from magnifying round-off: it spans at least 1e-9 of what it shows."""
+    low, high = axes.get_ylim()
+    least = 1e-9 * max(1.0, abs(low), abs(high))
+    if high - low < least:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - least / 2, middle + least / 2)
+
+
+def _svg(figure: Figure, title: str, prefix: str) -> str:
+    """The figure as an SVG element with ids of its own, its ink and grid left to the page's style sheet."""
+    buffer = StringIO()
+    figure.savefig(
+        buffer, format="svg", transparent=True, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    )
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{prefix}-", text)
+    text = text.replace(_INK, "currentColor").replace(_GRID, "var(--line)")
+    return text.replace("<svg ", f'<svg role="img" aria-label="{title} over time" ', 1)

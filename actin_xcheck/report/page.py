@@ -1,0 +1,120 @@
+"""One self-contained page from a comparison's files: all that is made here are pictures of what is stored."""
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.report.charts import STYLES, Chart, Style, charts
+from actin_xcheck.report.film import FilmStrip, film_strip
+from actin_xcheck.scene import Scene, parse_scene
+from actin_xcheck.store import Comparison, Run, read_comparison
+
+
+@dataclass(frozen=True)
+class _Section:
+    """All the page says about one scene: its runs with how each is drawn, and what was made of them."""
+
+    number: int
+    name: str
+    scene: Scene
+    runs: tuple[tuple[Run, Style], ...]
+    strip: FilmStrip
+    charts: tuple[Chart, ...]
+
+    @property
+    def properties(self) -> list[tuple[str, str]]:
+        """What defines the scene, symbol by symbol, defaults included (non-dimensional)."""
+        p, model, initial = self.scene.parameters, self.scene.model, self.scene.initial
+        symbols = {"ψ": p.psi, "p": p.p, "d": p.d, "a_sat": p.a_sat, "μ₁": p.mu1, "μ₂": p.mu2, "ν": p.nu}
+        stated = [(symbol, f"{value:.6g}") for symbol, value in symbols.items()]
+        stated += [("ℓ₀", f"{p.l0:g}"), ("rheology", model.rheology), ("closure", model.closure)]
+        stated += [("δ", model.delta), ("a(t = 0)", str(initial.a))]
+        if initial.u:
+            stated.append(("u(t = 0)", ", ".join(map(str, initial.u))))
+        if mode := initial.eigenmode:
+            stated.append(("eigenmode", f"w_{mode.m}{mode.n}, amplitude {mode.amplitude:g}"))
+        if motion := self.scene.motion:
+            stated.append(("motion", f"x = {motion.x}, y = {motion.y}"))
+        if self.scene.source_term:
+            stated.append(("source of a", str(self.scene.source_term)))
+        if not model.reaction:
+            stated.append(("reaction", "off"))
+        return [*stated, ("t end", f"{self.scene.time.end:g}")]
+
+
+def write_report(folder: Path) -> Path:
+    """Write `folder/index.html` from `folder/comparison.h5` and the runs it links, and return its path.
+
+    Raises
+    ------
+    UserError : the comparison or one of its runs is missing or not whole.
+    """
+    folder = Path(folder)
+    comparison = read_comparison(folder / "comparison.h5")
+    environment = Environment(
+        loader=PackageLoader("actin_xcheck.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
+    environment.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
+    html = environment.get_template("page.html").render(
+        attributes=comparison.attributes,
+        claims=_grouped(comparison),
+        failing=[claim for claim in comparison.claims if not claim.holds],
+        total=len(comparison.claims),
+        sections=_sections(comparison),
+        versions=_versions(comparison),
+    )
+    page = folder / "index.html"
+    page.write_text(html, encoding="utf-8")
+    return page
+
+
+def _sections(comparison: Comparison) -> list[_Section]:
+    """One section a scene, in the order in which they were compared, finite elements first."""
+    by_scene: dict[str, list[Run]] = {}
+    for run in comparison.runs.values():
+        by_scene.setdefault(run.attributes["scene_name"], []).append(run)
+    return [_section(i, name, sorted(runs, key=_rank)) for i, (name, runs) in enumerate(by_scene.items(), 1)]
+
+
+def _section(number: int, name: str, runs: Sequence[Run]) -> _Section:
+    scene = parse_scene(runs[0].attributes["scene"], f"{runs[0].path}: /run scene")
+    styles = [STYLES[i % len(STYLES)] for i in range(len(runs))]
+    pictures = film_strip(runs), tuple(charts(runs, f"s{number}"))
+    return _Section(number, name, scene, tuple(zip(runs, styles, strict=True)), *pictures)
+
+
+def _rank(run: Run) -> int:
+    family = run.attributes["method_name"].split("-")[0]
+    return ("fem", "fv").index(family) if family in ("fem", "fv") else 2
+
+
+def _grouped(comparison: Comparison) -> dict[str, list[Claim]]:
+    """Claims by scene, in their order."""
+    by_scene: dict[str, list[Claim]] = {}
+    for claim in comparison.claims:
+        by_scene.setdefault(claim.scene, []).append(claim)
+    return by_scene
+
+
+def _versions(comparison: Comparison) -> dict[str, str]:
+    """What computed: name -> version, all of them where runs and comparison differ."""
+    found: dict[str, dict[str, None]] = {}  # dicts keep the order, sets do not
+    stated: list[dict[str, Any]] = [
+        json.loads(run.attributes["versions"]) for run in comparison.runs.values()
+    ]
+    for versions in stated:
+        for name, version in versions.items():
+            found.setdefault(name, {})[str(version)] = None
+    return {name: ", ".join(versions) for name, versions in found.items()}

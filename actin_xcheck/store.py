@@ -1,0 +1,285 @@
+"""Results on disk (HDF5): one run is one `.vtkhdf` film with its time series, one comparison links its runs.
+
+A run file holds two groups.  `/VTKHDF` is the film of its output times (`vtkhdf.py`), which ParaView opens.
+`/run`, which VTK ignores, holds the scene, the method and the provenance as attributes and one row per time
+step in the datasets of `/run/series`.
+
+Files are written beside their destination under the suffix `.partial` and renamed into place when complete,
+so a destination is either untouched or whole.  A run is flushed at every output time: what a killed process
+leaves behind under `.partial` still opens in VTK.
+"""
+
+import os
+import platform
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actin_xcheck import vtkhdf
+from actin_xcheck.claims import Claim
+from actin_xcheck.errors import UserError
+from actin_xcheck.geometry import Indices
+from actin_xcheck.model import Array
+from actin_xcheck.result import Outcome
+
+SCHEMA = 1
+"""Version of the layout under `/run` and of a comparison; a reader refuses any other."""
+
+Attributes = Mapping[str, str | int | float]
+
+RUN_ATTRIBUTES = (
+    *("scene", "scene_name", "method", "method_name", "command"),
+    *("refine", "dt", "seed", "versions", "commit"),
+)
+"""What the caller of `RunWriter` states about a run; the writer adds `schema` and, in the end, `_ENDING`."""
+
+_ENDING = ("outcome", "message", "wall_seconds")
+
+PACKAGES = ("actin-xcheck", "numpy", "scipy", "scikit-fem", "FiPy", "h5py")
+
+_ROWS_PER_CHUNK = 256
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run(vtkhdf.Film):
+    """A finished run, completed or failed, as it was stored: its film, its series and how it came about.
+
+    Attributes
+    ----------
+    path : the file.
+    attributes : everything stated about the run, see `RUN_ATTRIBUTES`.
+    series : one row per time step, row 0 is t = 0: arrays (n,), (n, 2), (n, k) or (n, k, 2).
+    """
+
+    path: Path
+    attributes: dict[str, Any]
+    series: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A stored comparison: its claims, its runs by "scene/method" and what was stated about it."""
+
+    path: Path
+    attributes: dict[str, Any]
+    claims: tuple[Claim, ...]
+    runs: dict[str, Run]
+
+
+class RunWriter:
+    """Writes one run, row by row and frame by frame; a context manager.
+
+    Nothing appears at `path` before `finish`, which replaces an existing file atomically.  Left without
+    `finish` (an exception is on its way) the writer removes what it wrote.
+
+    Parameters
+    ----------
+    path : destination, by custom ending in `.vtkhdf`.
+    xi : material positions of the nodes, (2, N).
+    triangles : node numbers, (3, n_cells).
+    delta : delta(xi) of (2.5) on cells, (n_cells,).
+    attributes : at least `RUN_ATTRIBUTES`.
+
+    Raises
+    ------
+    UserError : the destination cannot be written.
+    ValueError : an attribute is missing.
+    """
+
+    def __init__(
+        self, path: Path, xi: Array, triangles: Indices, delta: Array, attributes: Attributes
+    ) -> None:
+        if missing := [name for name in RUN_ATTRIBUTES if name not in attributes]:
+            raise ValueError(f"attributes of a run lack {', '.join(missing)}")
+        self._path = Path(path)
+        self._rows: list[dict[str, Array]] = []
+        self._shapes: dict[str, tuple[int, ...]] = {}
+        self._file = _create(self._path)
+        run = self._file.create_group("run")
+        _state(run, {"schema": SCHEMA, **attributes})
+        self._series = run.create_group("series")
+        vtkhdf.create(self._file, xi, triangles, delta)
+
+    def record(self, row: Mapping[str, float | ArrayLike]) -> None:
+        """Append one row to `/run/series`; the first row fixes names and shapes, others raise ValueError."""
+        arrays = {name: np.asarray(value, dtype=float) for name, value in row.items()}
+        shapes = {name: value.shape for name, value in arrays.items()}
+        if not self._shapes:
+            self._shapes = shapes
+            for name, shape in shapes.items():
+                vtkhdf.growing(self._series, name, shape, rows=_ROWS_PER_CHUNK)
+        if shapes != self._shapes:
+            raise ValueError(f"a row must have the names and shapes of the first, {self._shapes}")
+        self._rows.append(arrays)
+        if len(self._rows) == _ROWS_PER_CHUNK:
+            self._write_rows()
+
+    def frame(self, t: float, x: Array, a_points: Array, a_cells: Array, u: Array, v: Array) -> None:
+        """Append one output time: x, u, v (2, N), a at nodes (N,) and as cell means (n_cells,)."""
+        vtkhdf.append_frame(self._file, t, x, a_points, a_cells, u, v)
+        self._write_rows()
+        self._file.flush()
+
+    def finish(self, outcome: Outcome, wall_seconds: float) -> None:
+        """State how the run ended and move the file to its destination."""
+        self._write_rows()
+        ending = (str(outcome.ending), outcome.message, wall_seconds)
+        _state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
+        self._file.close()
+        os.replace(_partial(self._path), self._path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file:  # still open: not finished
+            self._file.close()
+            _partial(self._path).unlink()
+
+    def _write_rows(self) -> None:
+        for name in self._rows[0] if self._rows else ():
+            vtkhdf.append(self._series[name], np.stack([row[name] for row in self._rows]))
+        self._rows.clear()
+
+
+def read_run(path: Path) -> Run:
+    """Return the run stored in `path`.
+
+    Raises
+    ------
+    UserError : the file is missing, not HDF5, truncated, unfinished, not a run or of another schema.
+    """
+    with _reading(path, "run") as file:
+        attributes = dict(file["run"].attrs)
+        if missing := [name for name in (*RUN_ATTRIBUTES, *_ENDING) if name not in attributes]:
+            raise KeyError(f"/run lacks {', '.join(missing)}")
+        series = {name: dataset[:] for name, dataset in file["run/series"].items()}
+        film = vtkhdf.read(file)
+        return Run(path=Path(path), attributes=attributes, series=series, **vars(film))
+
+
+def write_comparison(
+    path: Path, claims: Sequence[Claim], runs: Mapping[str, Path], attributes: Attributes
+) -> None:
+    """Write claims and links to their runs, replacing `path` atomically.
+
+    Parameters
+    ----------
+    path : destination, by custom `comparison.h5`.
+    claims : what the comparison found; group `/claims/<number>` each.
+    runs : files by "scene/method"; external links `/runs/<scene>/<method>`, relative to the destination.
+    attributes : provenance and whatever else is stated about the whole; `date` (UTC) and `schema` are added.
+    """
+    path = Path(path)
+    file = _create(path)
+    with file:
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        _state(file, {"schema": SCHEMA, "date": now, **attributes})
+        stated, linked = file.create_group("claims"), file.create_group("runs", track_order=True)
+        for number, claim in enumerate(claims):
+            _state(stated.create_group(f"{number:03d}"), asdict(claim) | {"verdict": claim.verdict})
+        for name, run in runs.items():
+            target = os.path.relpath(Path(run).resolve(), path.resolve().parent)
+            linked[name] = h5py.ExternalLink(target, "/")
+    os.replace(_partial(path), path)
+
+
+def read_comparison(path: Path) -> Comparison:
+    """Return the comparison stored in `path` and, through its links, the runs.
+
+    Raises
+    ------
+    UserError : as `read_run`, for the comparison or for one of its runs.
+    """
+    with _reading(path, "comparison") as file:
+        attributes = dict(file.attrs)
+        claims = tuple(_claim(group.attrs) for group in file["claims"].values())
+        links = {
+            f"{scene}/{method}": methods.get(method, getlink=True).filename
+            for scene, methods in file["runs"].items()
+            for method in methods
+        }
+    runs = {name: read_run(Path(path).parent / link) for name, link in links.items()}
+    return Comparison(Path(path), attributes, claims, runs)
+
+
+def provenance() -> dict[str, str]:
+    """Return versions of Python and of `PACKAGES`, the platform, and the commit of the package's checkout.
+
+    The commit is "unknown" where the package does not lie in a git checkout, and ends in "-dirty" where the
+    checkout has changes.
+    """
+    versions = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            versions[package.lower()] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package.lower()] = "not installed"
+    return versions | {"platform": platform.platform(), "commit": _commit()}
+
+
+def _commit() -> str:
+    """The commit of the checkout that tracks this file; a copy installed inside another one has none."""
+    folder, this = Path(__file__).parent, Path(__file__).name
+
+    def git(*command: str) -> str:
+        answer = subprocess.run(("git", *command), cwd=folder, capture_output=True, text=True, check=True)
+        return answer.stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", this)
+        return git("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
+    except (OSError, subprocess.CalledProcessError):  # no git, no checkout or not ours
+        return "unknown"
+
+
+def _partial(path: Path) -> Path:
+    return path.with_name(path.name + ".partial")
+
+
+def _create(path: Path) -> h5py.File:
+    try:
+        return h5py.File(_partial(path), "w")
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error})") from error
+
+
+@contextmanager
+def _reading(path: Path, kind: str) -> Iterator[h5py.File]:
+    """Open a file of this schema; whatever proves it to be none becomes one line."""
+    if not Path(path).is_file():
+        raise UserError(f"{path}: no such file; expected a {kind} written by actin_xcheck")
+    try:
+        with h5py.File(path) as file:
+            schema = (file["run"] if kind == "run" else file).attrs["schema"]
+            if schema != SCHEMA:
+                raise UserError(f"{path}: schema {schema}, but this version reads schema {SCHEMA}")
+            yield file
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        reason = str(error).strip("'\"")
+        raise UserError(f"{path}: not a whole {kind} written by actin_xcheck ({reason})") from error
+
+
+def _state(group: h5py.Group, attributes: Mapping[str, Any]) -> None:
+    """Write attributes; text (and tuples of it) as variable-length UTF-8."""
+    for name, value in attributes.items():
+        text = isinstance(value, str | tuple)
+        group.attrs.create(name, value, dtype=h5py.string_dtype() if text else None)
+
+
+def _claim(stored: h5py.AttributeManager) -> Claim:
+    """The claim in a group's attributes; KeyError where one is missing."""
+    values = {field.name: stored[field.name] for field in fields(Claim)}
+    return Claim(**values | {"methods": tuple(values["methods"])})

@@ -1,0 +1,206 @@
+"""Claims about the stored runs of one scene: each compares numbers from files with a bound.
+
+Single-mesh bounds are C_h h^2 + C_dt dt with slope constants stored in the scene's `[expect]`; orders
+themselves are the business of convergence studies.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+
+import numpy as np
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.geometry import INTERIOR_POINTS, quadrature_points, signed_areas
+from actin_xcheck.model import Array
+from actin_xcheck.prediction.growth import fit_growth
+from actin_xcheck.runs import in_scene_frame, turn_matrix
+from actin_xcheck.scene import Scene
+from actin_xcheck.store import Run
+from actin_xcheck.tables import Bound
+
+CONSERVATION_BOUND = 1e-12
+
+
+def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
+    """Return every claim that can be made about a scene's runs, given by method name."""
+    claims = [claim for name, run in runs.items() for claim in _Judge(scene, name, run).claims()]
+    for (one, first), (other, second) in combinations(runs.items(), 2):
+        if one.split("-")[0] != other.split("-")[0]:  # one code against the other
+            claims += _agreement(scene, (one, first), (other, second))
+    return claims
+
+
+def _path(scene: Scene, method: str, what: str) -> str:
+    return f"/runs/{scene.name}/{method}/{what}"
+
+
+def _bound(bound: Bound, run: Run) -> tuple[float, str]:
+    """The bound at the run's resolution and how it is made up."""
+    h, dt = 2.0 ** -int(run.attributes["refine"]), float(run.attributes["dt"])
+    return bound.h2 * h**2 + bound.dt * dt, f"bound = {bound.h2:g} h^2 + {bound.dt:g} dt, h = {h:g}, dt = {dt:g}"
+
+
+class _Judge:
+    """The claims about one run."""
+
+    def __init__(self, scene: Scene, method: str, run: Run) -> None:
+        self.scene, self.method, self.run = scene, method, run
+
+    def claims(self) -> Iterator[Claim]:
+        """Yield completion, conservation and whatever the scene's `[expect]` names."""
+        series, end = self.run.series, self.scene.output_times[-1]
+        yield self._claim(
+            f"runs to its end t = {end:g}",
+            end - float(series["time"][-1]),
+            0.0,
+            "run/series/time",
+            str(self.run.attributes["message"]) or "value: the time missing at the end",
+        )
+        yield self._claim(
+            "total actin obeys the scheme's balance at every step",
+            float(np.abs(series["balance_residual"]).max()),
+            CONSERVATION_BOUND,
+            "run/series/balance_residual",
+            "largest |balance_residual|, relative to total actin",
+        )
+        expect = self.scene.expect
+        if expect.exact is not None:
+            yield self._exact()
+        if expect.growth_rate is not None:
+            yield self._growth()
+        if expect.reference is not None:
+            yield from self._reference()
+
+    def _claim(self, statement: str, value: float, bound: float, what: str, note: str) -> Claim:
+        return Claim(
+            self.scene.name,
+            (self.method,),
+            statement,
+            value,
+            bound,
+            str(self.run.attributes["command"]),
+            _path(self.scene, self.method, what),
+            note,
+        )
+
+    def _completed(self) -> bool:
+        return bool(self.run.attributes["outcome"] == "completed")
+
+    def _exact(self) -> Claim:
+        expected = self.scene.expect.exact
+        assert expected is not None
+        bound, note = _bound(expected.bound, self.run)
+        error = l2_error(self.scene, self.run) if self._completed() else np.nan
+        return self._claim(
+            "concentration equals the exact solution at the end (relative L2 error)",
+            error,
+            bound,
+            "VTKHDF/CellData/a",
+            note,
+        )
+
+    def _growth(self) -> Claim:
+        expected = self.scene.expect.growth_rate
+        assert expected is not None
+        bound, note = _bound(expected.bound, self.run)
+        predicted, measured = float(self.run.attributes["growth_rate_predicted"]), np.nan
+        if self._completed():
+            exponentials = 1 if self.scene.initial.eigenmode else 2
+            time, amplitude = self.run.series["time"], self.run.series["mode_amplitude"]
+            measured = float(fit_growth(time, amplitude, expected.window, exponentials).rate.real)
+        return self._claim(
+            f"mode w_{expected.m}{expected.n} grows at the predicted rate {predicted:.4f} (relative error; "
+            f"measured {measured:.4f})",
+            abs(measured / predicted - 1),
+            bound,
+            "run/series/mode_amplitude",
+            note,
+        )
+
+    def _reference(self) -> Iterator[Claim]:
+        expected = self.scene.expect.reference
+        assert expected is not None
+        bound, note = _bound(expected.bound, self.run)
+        errors = reference_errors(self.scene, self.run)
+        what = {
+            "area": ("area", "run/series/area"),
+            "total_actin": ("total actin", "run/series/total_actin"),
+            "probe_a": ("concentration at the probes", "run/series/probe_a"),
+            "probe_x": ("position of the probes", "run/series/probe_x"),
+        }
+        for quantity, (words, path) in what.items():
+            if quantity in errors:
+                yield self._claim(
+                    f"{words} equals the reference value (largest error over the output times)",
+                    errors[quantity],
+                    bound,
+                    path,
+                    f"{note}; {expected.origin}",
+                )
+
+
+def l2_error(scene: Scene, run: Run) -> float:
+    """Relative L2 error at the end against `[expect.exact]`.
+
+    Of the P1 field at quadrature points for finite elements, of cell averages for finite volumes.
+    """
+    assert scene.expect.exact is not None
+    x, xi = (quadrature_points(p, run.triangles) for p in (run.points[-1], run.xi))
+    exact = in_scene_frame(scene, scene.expect.exact.a, x, xi, float(run.times[-1]))
+    areas = signed_areas(run.points[-1], run.triangles)
+    if str(run.attributes["method_name"]).startswith("fv"):
+        exact = exact.mean(axis=0)
+        return float(np.sqrt(areas @ (run.a_cells[-1] - exact) ** 2 / (areas @ exact**2)))
+    field = INTERIOR_POINTS @ run.a_points[-1][run.triangles]
+    return float(np.sqrt(((field - exact) ** 2 @ areas).sum() / (exact**2 @ areas).sum()))
+
+
+def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
+    """Largest error over the reference times: relative for area and total actin, absolute for probes.
+
+    nan where the run did not reach a reference time.
+    """
+    assert scene.expect.reference is not None
+    errors: dict[str, list[float]] = {}
+    for at in scene.expect.reference.at:
+        row = int(np.argmin(np.abs(run.series["time"] - at.time)))
+        reached = abs(run.series["time"][row] - at.time) < 1e-9
+        for quantity in ("area", "total_actin", "probe_a", "probe_x"):
+            expected = getattr(at, quantity)
+            if expected is None:
+                continue
+            got: Array = run.series[quantity][row]
+            if quantity == "probe_x":
+                got = got @ turn_matrix(scene)
+            scale = expected if quantity in {"area", "total_actin"} else 1.0
+            difference = np.abs(np.asarray(got) - np.asarray(expected, dtype=float)) / scale
+            errors.setdefault(quantity, []).append(float(np.nanmax(difference)) if reached else np.nan)
+    return {quantity: float(np.max(values)) for quantity, values in errors.items()}
+
+
+def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:
+    """Whether two codes give the same concentration in the same material cells at the end."""
+    (name, first), (other_name, second) = one, other
+    if scene.expect.agreement is None:
+        return
+    bound, note = _bound(scene.expect.agreement.bound, first)
+    difference = np.nan
+    if first.attributes["outcome"] == second.attributes["outcome"] == "completed":
+        difference = cell_difference(first, second)
+    yield Claim(
+        scene.name,
+        (name, other_name),
+        f"{other_name} agrees with {name} at the end (relative L2 difference of cell averages)",
+        difference,
+        bound,
+        f"{first.attributes['command']} && {second.attributes['command']}",
+        _path(scene, name, "VTKHDF/CellData/a"),
+        note,
+    )
+
+
+def cell_difference(first: Run, second: Run) -> float:
+    """Relative L2 difference of the cell averages of two runs at their last frames, in `first`'s areas."""
+    areas = signed_areas(first.points[-1], first.triangles)
+    difference = first.a_cells[-1] - second.a_cells[-1]
+    return float(np.sqrt(areas @ difference**2 / (areas @ first.a_cells[-1] ** 2)))

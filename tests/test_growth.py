@@ -1,0 +1,95 @@
+"""Growth rates of runs against linear theory, on the wall for which (3.6) is exact."""
+
+import numpy as np
+import pytest
+
+from actin_xcheck.prediction import extrapolate, fit_growth, growth_rates, leading_growth_rate
+from actin_xcheck.prediction.modes import Mode
+from actin_xcheck.registry import METHODS
+from actin_xcheck.runs import Amplitude, bind
+from actin_xcheck.scene import load_scene
+from tests.lab import FEM, FV, film_of, scene_of
+
+WALL_MODES = [
+    ("mode-11-wall", 1.5101),
+    ("mode-11-wall-270", 16.3038),
+    ("mode-21-wall-270", 13.8903),
+    ("mode-02-wall-270", 11.7009),
+    ("mode-31-wall-270", 10.4783),
+]
+
+
+def amplitudes(scene, method, refine, dt):
+    solver = bind(scene, METHODS[method], refine, dt)
+    film, outcome = film_of(solver, dt, scene.output_times)
+    assert outcome.ok
+    measure = Amplitude(scene, METHODS[method], solver.mesh, refine, dt)
+    values = [measure(step, solver.corners(state)) for step, state in enumerate(film.states)]
+    return np.array([state.t for state in film.states]), np.array(values)
+
+
+def measured_rate(scene, method, refine, dt):
+    time, amplitude = amplitudes(scene, method, refine, dt)
+    return fit_growth(time, amplitude, scene.expect.growth_rate.window, 1).rate.real
+
+
+@pytest.mark.parametrize(("name", "rate"), WALL_MODES)
+def test_theory_gives_the_published_rates(name, rate):
+    scene = load_scene(name)
+    assert leading_growth_rate(scene.physics, *scene.mode).real == pytest.approx(rate, abs=6e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [FEM, FV])
+@pytest.mark.parametrize("name", [name for name, _ in WALL_MODES])
+def test_extrapolated_rates_of_both_codes_are_the_predicted_ones(name, method):
+    """Extrapolated in h^2 and in dt, dt^2 from five runs each: within 0.2 %."""
+    scene = load_scene(name)
+    end = scene.time.end
+    levels = [(3, 80), (4, 80), (5, 80), (4, 160), (4, 320)]
+    rates = [measured_rate(scene, method, refine, end / steps) for refine, steps in levels]
+    limit = extrapolate([2.0**-r for r, _ in levels], [end / n for _, n in levels], rates).limit
+    assert limit / leading_growth_rate(scene.physics, *scene.mode).real == pytest.approx(1, abs=0.002)
+
+
+def test_a_start_at_rest_excites_both_roots():
+    """u(0) = 0 at psi = 62.4: two exponentials, 1.5101 and 0.3034, and one alone would mislead."""
+    scene = scene_of(
+        "psi = 62.4\np = 0.0",
+        a="1 + 1e-6*J(1, 1.8411837813406593*r)*cos(theta)",
+        end=2.0,
+        more='[model]\nclosure = "irrotational-wall"\ndelta = "none"\n'
+        "[expect.growth_rate]\nm = 1\nn = 1\nwindow = [0.0, 2.0]\nbound = { h2 = 10.0, dt = 10.0 }\n",
+    )
+    time, amplitude = amplitudes(scene, FEM, 4, 0.005)
+    fit = fit_growth(time, amplitude, (0.0, 2.0), 2)
+    fast, slow = (rate.real for rate in fit.rates)
+    predicted = growth_rates(scene.physics, Mode(1, 1).k ** 2).real
+    assert fast == pytest.approx(predicted[0], rel=0.05)
+    assert slow == pytest.approx(predicted[1], rel=0.3)
+    assert fit.residual < 1e-4
+
+
+@pytest.mark.parametrize("amplitude", ["1e-6", "1e-9"])
+def test_growth_is_linear_in_the_amplitude(amplitude):
+    """Two amplitudes, one rate: the perturbation is inside the linear regime and above round-off."""
+    text = load_scene("mode-11-wall").text.replace("1e-6", amplitude)
+    from actin_xcheck.scene import parse_scene
+
+    scene = parse_scene(text, "test.toml")
+    reference = measured_rate(load_scene("mode-11-wall"), FEM, 3, 0.02)
+    assert measured_rate(scene, FEM, 3, 0.02) == pytest.approx(reference, rel=1e-5)
+
+
+def test_the_unperturbed_run_is_subtracted_where_it_moves():
+    """With p != 0 and the ring, a = 1 is no steady state: the twin's motion must not count as growth."""
+    scene = scene_of(
+        "psi = 62.4\np = 0.26",
+        a="1 + 1e-6*J(1, 1.8411837813406593*r)*cos(theta)",
+        end=0.05,
+        more='[model]\ndelta = "ring"\n',
+    )
+    object.__setattr__(scene.expect, "growth_rate", load_scene("mode-11-wall").expect.growth_rate)
+    _, amplitude = amplitudes(scene, FEM, 3, 0.005)
+    assert amplitude[0] == pytest.approx(1e-6, rel=0.02)
+    assert np.abs(amplitude).max() < 1e-5
