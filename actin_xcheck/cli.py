@@ -1,4 +1,4 @@
-"""The commands.  A user's mistake is one line on standard error and exit code 2; a failed claim or run is 1."""
+"""The commands.  A user's mistake is one line on standard error and exit code 2; a failed claim or run, 1."""
 
 import shlex
 import sys
@@ -29,7 +29,9 @@ scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped sce
 app.add_typer(scenes_app, name="scenes")
 out = Console(soft_wrap=True, highlight=False)
 
-Refine = Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)]
+Refine = Annotated[
+    int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
+]
 Dt = Annotated[float | None, typer.Option(help="Largest time step.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
@@ -70,7 +72,9 @@ def compare_command(
     page = write_report(folder)
     failed = [claim for claim in claims if not claim.holds]
     for claim in failed:
-        out.print(f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: ", end="", markup=False)
+        out.print(
+            f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: ", end="", markup=False
+        )
         out.print(f"{claim.value:.3g} > {claim.bound:.3g}", markup=False)
     out.print(f"{len(claims) - len(failed)} of {len(claims)} claims hold; report: {page}", markup=False)
     raise typer.Exit(1 if failed else 0)

@@ -81,9 +81,7 @@ def compare(
     _run_all(jobs, report)
     claims: list[Claim] = []
     for scene in {job.scene.name: job.scene for job in jobs}.values():
-        runs = {
-            job.method.name: store.read_run(job.path) for job in jobs if job.scene.name == scene.name
-        }
+        runs = {job.method.name: store.read_run(job.path) for job in jobs if job.scene.name == scene.name}
         claims += judge(scene, runs)
     files = {f"{job.scene.name}/{job.method.name}": job.path for job in jobs}
     store.write_comparison(
@@ -123,4 +121,3 @@ def _work(job: Job, news: "queue.Queue[tuple[str, int, int]]") -> None:
             news.put((job.label, done, total))
 
     run(job.scene, job.method, job.refine, job.dt, job.path, job.command, progress)
-

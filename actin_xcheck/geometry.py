@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actin_xcheck.model import Array
-from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.result import COMPLETED, Ending, Outcome
 
 Indices = NDArray[np.int64]
 
@@ -125,7 +125,7 @@ def orientation(mesh: Mesh, t: float, x: Array) -> Outcome:
         return Outcome(Ending.NON_FINITE, f"node positions are not finite at t = {t:.6g}")
     worst = int(np.argmin(areas))
     if areas[worst] > 0:
-        return Outcome()
+        return COMPLETED
     where = mesh.centroids[:, worst]
     message = (
         f"triangle {worst}, which started at ({where[0]:.3f}, {where[1]:.3f}), has signed area "

@@ -1,4 +1,4 @@
-"""What is measured on a state, the same for every method: area, actin, centroid, polarity, extrema, probes."""
+"""What is measured on a state, the same for every method."""
 
 import numpy as np
 
@@ -23,15 +23,14 @@ def total_actin(x: Array, triangles: Indices, corners: Array) -> float:
 
 
 def balance_residual(
-    dt: float, rate: float, before: float, after: float, cell_area: float, source: float
+    dt: float, rate: float, before: float, after: float, old_area: float, source: float
 ) -> float:
     """Relative residual of a first-order scheme's own balance of total actin over one step.
 
-    [(1 + dt k) m(t+dt) - m(t) - dt (k |Omega| + S)] / m(t+dt) with m total actin, k the reaction rate
-    (1 or 0), S the integrated source and |Omega| the area of the configuration on which the scheme
-    integrates the constant 1: the old one in (B.23b), the new one for the finite volumes.
+    [(1 + dt k) m(t+dt) - m(t) - dt (k |Omega(t)| + S)] / m(t+dt) with m total actin, k the reaction rate
+    (1 or 0) and S the integrated source: the sum of all rows of (B.23b), and of the finite-volume equations.
     """
-    return ((1 + dt * rate) * after - before - dt * (rate * cell_area + source)) / after
+    return ((1 + dt * rate) * after - before - dt * (rate * old_area + source)) / after
 
 
 def jacobian_min(mesh: Mesh, x: Array) -> float:
@@ -39,7 +38,9 @@ def jacobian_min(mesh: Mesh, x: Array) -> float:
     return float((signed_areas(x, mesh.triangles) / signed_areas(mesh.xi, mesh.triangles)).min())
 
 
-def probe(triangles: Indices, cells: Indices, weights: Array, corners: Array, x: Array) -> tuple[Array, Array]:
+def probe(
+    triangles: Indices, cells: Indices, weights: Array, corners: Array, x: Array
+) -> tuple[Array, Array]:
     """Concentration (k,) and position (k, 2) of material points located by `geometry.locate`."""
     return (weights * corners[:, cells]).sum(axis=0), (weights * x[:, triangles[:, cells]]).sum(axis=1).T
 
@@ -87,7 +88,9 @@ def _centre(s: Array, row1: Array, row2: Array, weight: float, tolerance: float)
         if decrement < tolerance:
             return s + newton
         step, floor = 1.0, 1e-15 * abs(value)
-        while not (trial := _barrier(s + step * newton, row1, row2, weight)) <= value - 0.1 * step * decrement:
+        while (
+            not (trial := _barrier(s + step * newton, row1, row2, weight)) <= value - 0.1 * step * decrement
+        ):
             step *= 0.5
             if step * decrement < floor:  # round-off of the barrier value itself
                 return s

@@ -30,3 +30,7 @@ class Outcome:
     def ok(self) -> bool:
         """True where the run may go on or has reached its end."""
         return self.ending is Ending.COMPLETED
+
+
+COMPLETED = Outcome()
+"""Nothing went wrong."""

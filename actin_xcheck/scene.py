@@ -108,7 +108,7 @@ class Scene(Table):
         """The non-dimensional parameters, whichever table gave them."""
         if self.dimensional:
             return DimensionalParameters(**self.dimensional.model_dump()).non_dimensional()
-        assert self.parameters_table  # _is_consistent
+        assert self.parameters_table  # _has_parameters
         return Parameters(**self.parameters_table.model_dump())
 
     @property
@@ -145,9 +145,9 @@ class Scene(Table):
 
     @property
     def mode(self) -> tuple[int, int] | None:
-        """(m, n) of the mode whose growth is to be measured."""
-        rate = self.expect.growth_rate
-        return (rate.m, rate.n) if rate else None
+        """(m, n) of the mode whose growth is measured: the expected one, else the one it starts with."""
+        mode = self.expect.growth_rate or self.initial.eigenmode
+        return (mode.m, mode.n) if mode else None
 
 
 def shipped_scenes() -> tuple[str, ...]:

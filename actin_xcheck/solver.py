@@ -12,7 +12,7 @@ from typing import Protocol
 
 from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Array, Model
-from actin_xcheck.result import Outcome
+from actin_xcheck.result import COMPLETED, Outcome
 
 Motion = Callable[[Array, float], Array]
 """Prescribed positions x(xi, t): (2, n) at time t for material points xi (2, n)."""
@@ -51,7 +51,7 @@ class Move:
 
     x: Array
     v: Array
-    outcome: Outcome = Outcome()
+    outcome: Outcome = COMPLETED
     net_force: tuple[float, float] = (0.0, 0.0)
     net_torque: float = 0.0
 

@@ -256,11 +256,20 @@ class Reference(Table):
     probe_x: Many[Pair[Judged]] | None = None
 
 
+class ReferenceBounds(Table):
+    """`[expect.reference.bound]`: per quantity; relative for area and total actin, absolute for probes."""
+
+    area: Bound | None = None
+    total_actin: Bound | None = None
+    probe_a: Bound | None = None
+    probe_x: Bound | None = None
+
+
 class References(Table):
     """`[expect.reference]`: values somebody else computed, and how closely they are to be met."""
 
     origin: str
-    bound: Bound
+    bound: ReferenceBounds
     at: Many[Reference] = Field(min_length=1)
 
 

@@ -10,7 +10,7 @@ from actin_xcheck.geometry import Mesh
 from actin_xcheck.linear import solve
 from actin_xcheck.model import Array, Closure, Model, Rheology
 from actin_xcheck.observables import centroid
-from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.result import COMPLETED, Ending, Outcome
 from actin_xcheck.solver import Move
 from fem import forms
 from fem.boundary import prolongation, rigid_motions, settle
@@ -125,7 +125,7 @@ class ForceBalance:
         """1 + phi <= 0 is where the pressure (2.5) ends; phi = 2 - tr F^-1 with F = dx/dxi."""
         worst = int(np.argmin(dilation))
         if self.model.parameters.p == 0 or 1 + dilation[worst] > 0:
-            return Outcome()
+            return COMPLETED
         where = self.mesh.centroids[:, worst]
         message = (
             f"1 + phi = {1 + dilation[worst]:.3g} at t = {t:.6g} in the triangle that started at "

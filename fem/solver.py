@@ -1,6 +1,6 @@
-"""The paper's scheme (B.23): force balance, move the nodes, transport on the moved mesh. First order in dt."""
+"""The paper's scheme (B.23): force balance, move the nodes, transport on the moved mesh."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,7 +20,7 @@ from fem.mesh import Bases
 class FemState(State):
     """A `State` with nodal concentrations `a` (N,) and the mass matrix of its configuration."""
 
-    mass: sp.csr_matrix | None = None
+    mass: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
 
 
 class FemP1Paper:

@@ -1,9 +1,9 @@
 """The part of the diffusive flux that FiPy's two-point term cannot see.
 
 Across a face with area vector S and centroid distance D, the over-relaxed split S = |S|^2/(D.S) D + T leaves
-T tangential to the face.  The two-point part goes into FiPy's DiffusionTerm; T.grad a is the difference of the
-face's two vertex values, which are interpolated from the cells around each vertex by least squares, exactly
-for linear fields.  Without it the scheme does not converge on triangles.
+T tangential to the face.  The two-point part goes into FiPy's DiffusionTerm; T.grad a is the difference of
+the face's two vertex values, which are interpolated from the cells around each vertex by least squares,
+exactly for linear fields.  Without it the scheme does not converge on triangles.
 """
 
 import numpy as np

@@ -2,7 +2,9 @@
 
 With J = V/V0 the conservative Lagrangian form d/dt (V a) = sum_f d S.grad a + k (V - V a) + V s reads, on the
 reference mesh, TransientTerm(J) == DiffusionTerm(c) + k J (1 - a) + J s; FiPy multiplies J.old with a.old, so
-mass is exact.  Face coefficients c carry the moving faces.  Backward Euler, everything at the new time.
+mass is exact.  Face coefficients c carry the moving faces.  In time it is (B.23b): backward Euler, with the
+gain k J of polymerisation from the old configuration.  Both codes then share one error in dt, and what is
+left between them is space alone.
 """
 
 import numpy as np
@@ -65,7 +67,7 @@ class TransportEquation:
         self.dilution.setValue(old_volumes / self.volumes)
         self.dilution.updateOld()
         self.dilution.setValue(volumes / self.volumes)
-        self.gain.setValue((self.rate + source) * volumes / self.volumes)
+        self.gain.setValue((self.rate * old_volumes + source * volumes) / self.volumes)
         coefficient = np.zeros(self.faces.nodes.shape[1])
         coefficient[self.faces.interior] = self.d * two_point * self._reference
         self.coefficient.setValue(coefficient)

@@ -52,7 +52,9 @@ class Faces:
         triangles = mesh.triangles
         directed = np.stack([triangles[[i, (i + 1) % 3]] for i in range(3)], axis=-1)  # (2, n_cells, 3)
         directed = directed.reshape(2, -1)  # cell by cell
-        _, first, number = np.unique(np.sort(directed, axis=0), axis=1, return_index=True, return_inverse=True)
+        _, first, number = np.unique(
+            np.sort(directed, axis=0), axis=1, return_index=True, return_inverse=True
+        )
         number = number.ravel()
         owner = np.arange(directed.shape[1]) // 3
         cells = np.full((2, first.size), -1)

@@ -1,6 +1,6 @@
 """Finite-volume methods: FiPy's transport on a mesh that a Mechanics moves."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from fv.mesh import Faces
 class FvState(State):
     """A `State` with cell averages `a` (n_cells,) and the corner values of their reconstruction."""
 
-    corner_values: Array | None = None
+    corner_values: Array = field(default_factory=lambda: np.zeros((3, 0)))
 
 
 class FvDiamond:
@@ -56,7 +56,6 @@ class FvDiamond:
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the scheme's linear reconstruction."""
         assert isinstance(state, FvState)
-        assert state.corner_values is not None
         return state.corner_values
 
     def step(self, state: State, dt: float) -> tuple[FvState, Outcome]:
@@ -86,7 +85,7 @@ class FvDiamond:
             model.reaction_rate(),
             integral(old.x, triangles, self.corners(old)),
             integral(new.x, triangles, corners),
-            area(new.x, triangles),
+            area(old.x, triangles),
             float(source @ volumes),
         )
         return replace(new, a=a, corner_values=corners, balance_residual=residual), outcome

@@ -76,5 +76,6 @@ def local_orders(errors: Sequence[float], ratio: float = 2.0) -> Array:
 def scene_of(parameters: str = "psi = 0.0\np = 0.0", a: str = "1", end: float = 0.1, more: str = "") -> Scene:
     """A small scene from a few lines of TOML."""
     return parse_scene(
-        f'name = "test"\n[parameters]\n{parameters}\n[initial]\na = "{a}"\n[time]\nend = {end}\n{more}', "test.toml"
+        f'name = "test"\n[parameters]\n{parameters}\n[initial]\na = "{a}"\n[time]\nend = {end}\n{more}',
+        "test.toml",
     )

@@ -89,9 +89,7 @@ def test_the_wall_holds_and_the_flow_along_it_is_irrotational():
 
     coarse, fine = rim_curl(3), rim_curl(5)
     assert fine < 0.3 * coarse
-    move = force_balance(Closure.IRROTATIONAL_WALL, p=0.0).advance(
-        0, 0.01, MESH.xi, LOPSIDED[MESH.triangles]
-    )
+    move = force_balance(Closure.IRROTATIONAL_WALL, p=0.0).advance(0, 0.01, MESH.xi, LOPSIDED[MESH.triangles])
     assert np.allclose(np.hypot(*move.x[:, MESH.rim_nodes]), 1, atol=1e-15)
 
 
@@ -131,7 +129,9 @@ def test_a_translated_and_turned_cell_moves_the_same_way():
     balance = force_balance(Closure.TRACTION_FREE, rheology=Rheology.VISCOUS)
     x, corners = stretched(), LOPSIDED[MESH.triangles]
     moved = turn @ x + np.array([[3.0], [-1]])
-    assert np.allclose(balance.velocity(0, moved, corners), turn @ balance.velocity(0, x, corners), atol=1e-11)
+    assert np.allclose(
+        balance.velocity(0, moved, corners), turn @ balance.velocity(0, x, corners), atol=1e-11
+    )
 
 
 def test_a_uniform_contraction_to_two_thirds_is_singular():

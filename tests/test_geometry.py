@@ -18,7 +18,10 @@ def test_the_articles_meshes_have_the_articles_node_counts(refine, nodes):
 def test_topology_is_that_of_init_circle():
     """Undo the circles: on the diamond both are the same uniform refinement."""
     ours, theirs = disk(3, 0.8), MeshTri.init_circle(3)
-    diamond = MeshTri(np.array([[0, 1, 0, -1, 0], [0, 0, 1, 0, -1.0]]), np.array([[0, 1, 2], [0, 1, 4], [0, 2, 3], [0, 3, 4]]).T)
+    diamond = MeshTri(
+        np.array([[0, 1, 0, -1, 0], [0, 0, 1, 0, -1.0]]),
+        np.array([[0, 1, 2], [0, 1, 4], [0, 2, 3], [0, 3, 4]]).T,
+    )
     for _ in range(3):
         diamond = diamond.refined()
     assert np.array_equal(diamond.t, theirs.t)

@@ -6,8 +6,8 @@ import pytest
 from actin_xcheck.prediction import extrapolate, fit_growth, growth_rates, leading_growth_rate
 from actin_xcheck.prediction.modes import Mode
 from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import Amplitude, bind
-from actin_xcheck.scene import load_scene
+from actin_xcheck.runs import amplitude_of, bind
+from actin_xcheck.scene import load_scene, parse_scene
 from tests.lab import FEM, FV, film_of, scene_of
 
 WALL_MODES = [
@@ -23,7 +23,7 @@ def amplitudes(scene, method, refine, dt):
     solver = bind(scene, METHODS[method], refine, dt)
     film, outcome = film_of(solver, dt, scene.output_times)
     assert outcome.ok
-    measure = Amplitude(scene, METHODS[method], solver.mesh, refine, dt)
+    measure = amplitude_of(scene, METHODS[method], solver, refine, dt)
     values = [measure(step, solver.corners(state)) for step, state in enumerate(film.states)]
     return np.array([state.t for state in film.states]), np.array(values)
 
@@ -74,8 +74,6 @@ def test_a_start_at_rest_excites_both_roots():
 def test_growth_is_linear_in_the_amplitude(amplitude):
     """Two amplitudes, one rate: the perturbation is inside the linear regime and above round-off."""
     text = load_scene("mode-11-wall").text.replace("1e-6", amplitude)
-    from actin_xcheck.scene import parse_scene
-
     scene = parse_scene(text, "test.toml")
     reference = measured_rate(load_scene("mode-11-wall"), FEM, 3, 0.02)
     assert measured_rate(scene, FEM, 3, 0.02) == pytest.approx(reference, rel=1e-5)

@@ -35,7 +35,8 @@ dt = 0.1
 bound = { h2 = 1.0 }
 [expect.reference]
 origin = "a table"
-bound = { dt = 1 }
+[expect.reference.bound]
+area = { dt = 1 }
 [[expect.reference.at]]
 time = 0.6
 area = 3.1
@@ -139,9 +140,9 @@ MISTAKES = [
     (GOOD, '"mine"', '""', "name = '': should be letters, digits"),
     (GOOD, 'source = "me"', "source = 3", "source = 3: should be a table with keys among citation, a"),
     (GOOD, "psi = 10", "", "parameters.psi is missing; required keys are psi, p"),
-    (GOOD, "psi = 10", "pssi = 10", "unknown key parameters.pssi (did you mean psi?); valid keys are psi, p, d,"),
-    (GOOD, "[probes]", "[probs]", "unknown key probs (did you mean probes?); valid keys are name, source, parameters,"),
-    (GOOD, "area", "aera", "unknown key expect.reference.at[0].aera (did you mean area?); valid keys are time, area"),
+    (GOOD, "psi = 10", "pssi = 10", "unknown key parameters.pssi (did you mean psi?); valid keys are psi,"),
+    (GOOD, "[probes]", "[probs]", "unknown key probs (did you mean probes?); valid keys are name, source,"),
+    (GOOD, "area", "aera", "unknown key expect.reference.at[0].aera (did you mean area?); valid keys are"),
     (GOOD, "h2 =", "h3 =", "unknown key expect.agreement.bound.h3; valid keys are h2, dt"),
     (GOOD, "psi = 10", 'psi = "10"', "parameters.psi = '10': should be a valid number"),
     (GOOD, "psi = 10", "psi = true", "parameters.psi = True: should be a valid number"),
@@ -153,19 +154,19 @@ MISTAKES = [
     (GOOD, "p = 0.5", "p = 0\nl0 = 1.0", "parameters.l0 = 1.0: should be less than 1"),
     (GOOD, "p = 0.5", "p = 0\na_sat = 0", "parameters.a_sat = 0: should be greater than 0"),
     (GOOD, "p = 0.5", "p = 0\nmu1 = 0", "parameters.mu1 = 0: should be greater than 0"),
-    (GOOD, "p = 0.5", "p = 0\n[dimensional]\npsi = 0\np = 0", "dimensional = {'psi': 0.0, 'p': 0.0}: should be a table, one of"),
-    (GOOD, "[parameters]\npsi = 10\np = 0.5", "", "parameters = None: should be a table, one of [parameters] and [dimensional]"),
-    (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nE = 0", "dimensional.E = 0: should be greater than 0"),
+    (GOOD, "p = 0.5", "p = 0\n[dimensional]\npsi = 0\np = 0", "dimensional = {'p': 0.0, 'psi': 0.0}: should"),
+    (GOOD, "[parameters]\npsi = 10\np = 0.5", "", "parameters = None: should be a table, one of"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nE = 0", "dimensional.E = 0: should be greater"),
     (GOOD, '"full"', '"rim"', "model.delta = 'rim': should be 'ring', 'membrane', 'none' or 'full'"),
     (GOOD, 'delta = "full"', "reaction = 1", "model.reaction = 1: should be a valid boolean"),
-    (GOOD, '"1 + 0.1*x"', '"1 + 0.1*z"', "initial.a = '1 + 0.1*z': unknown name z; valid names are x, y, r, theta"),
+    (GOOD, '"1 + 0.1*x"', '"1 + 0.1*z"', "initial.a = '1 + 0.1*z': unknown name z; valid names are x, y, r,"),
     (GOOD, '"1 + 0.1*x"', "1", "initial.a = 1: should be an expression in quotes"),
-    (GOOD, '"1 + 0.1*x"', '"1 + x"', "is 0 at (x, y) = (-1, 1.22465e-16)"),
-    (GOOD, '"1 + 0.1*x"', '"r"', "initial.a = 'r': should be positive on the unit disk at t = 0, but is 0 at (x, y) = (0"),
-    (GOOD, '"1 + 0.1*x"', '"1/r"', "should be positive on the unit disk at t = 0, but is inf at (x, y) = (0, 0)"),
+    (GOOD, '"1 + 0.1*x"', '"1 + x"', "is 0 at (x, y) = (-1, 0)"),
+    (GOOD, '"1 + 0.1*x"', '"r"', "initial.a = 'r': should be positive on the unit disk at t = 0, but is 0"),
+    (GOOD, '"1 + 0.1*x"', '"1/r"', "should be positive on the unit disk at t = 0, but is inf at (x, y) ="),
     (GOOD, '["0.1*x", "0"]', '["0", "log(r)"]', "initial.u[1] = 'log(r)': should be finite on the unit disk"),
     (GOOD, '["0.1*x", "0"]', '["0"]', "initial.u[1] is missing"),
-    (GOOD, '["0.1*x", "0"]', '["0", "0", "0"]', "initial.u = "),
+    (GOOD, '["0.1*x", "0"]', '["0", "0", "0"]', "initial.u = ['0', '0', '0']: list should have at most 2"),
     (GOOD, "end = 1", "end = 0", "time.end = 0: should be greater than 0"),
     (GOOD, "[0.2, 0.6]", "[0.6, 0.2]", "time.outputs = [0.6, 0.2]: should increase strictly from above 0"),
     (GOOD, "[0.2, 0.6]", "[0, 0.6]", "time.outputs = [0.0, 0.6]: should increase strictly from above 0"),
@@ -177,24 +178,24 @@ MISTAKES = [
     (GOOD, "refine = 5", "refine = 5.5", "as_published.refine = 5.5: should be a valid integer"),
     (GOOD, "dt = 0.1", "dt = 0", "as_published.dt = 0: should be greater than 0"),
     (GOOD, "h2 = 1.0", "h2 = 0", "expect.agreement.bound = {'h2': 0}: should give h2 or dt above 0"),
-    (GOOD, "time = 0.6", "time = 0.5", "expect.reference.at[0].time = 0.5: should be an output time: 0.2, 0.6, 1"),
-    (GOOD, "[1.0, nan]", "[1.0]", "expect.reference.at[0].probe_a = [1.0]: should have one entry per probe, 2, not 1"),
+    (GOOD, "time = 0.6", "time = 0.5", "expect.reference.at[0].time = 0.5: should be an output time: 0.2,"),
+    (GOOD, "[1.0, nan]", "[1.0]", "expect.reference.at[0].probe_a = [1.0]: should have one entry per probe,"),
     (GOOD, "area = 3.1", "area = inf", "expect.reference.at[0].area = inf: should be a number, or nan"),
-    (WALL, "amplitude = 1e-6", "amplitude = inf", "initial.eigenmode.amplitude = inf: should be a finite number"),
-    (WALL, "amplitude = 1e-6", "amplitude = 2", "initial.a = '1': should be positive on the unit disk"),
+    (WALL, "amplitude = 1e-6", "amplitude = inf", "initial.eigenmode.amplitude = inf: should be a finite"),
+    (WALL, "amplitude = 1e-6", "amplitude = 2", "initial.a = '1': should be above the eigenmode's amplitude"),
     (WALL, "m = 1, n = 1,", "m = 0, n = 1,", "initial.eigenmode.n = 1: should be at least 2 for m = 0"),
     (WALL, "m = 1\n", "m = -1\n", "expect.growth_rate.m = -1: should be greater than or equal to 0"),
-    (WALL, "[0, 1]", "[1, 1]", "expect.growth_rate.window = [1.0, 1.0]: should be [t0, t1] with 0 <= t0 < t1 <= time.end"),
+    (WALL, "[0, 1]", "[1, 1]", "expect.growth_rate.window = [1.0, 1.0]: should be [t0, t1] with 0 <= t0 <"),
     (WALL, "[0, 1]", "[0, 2]", "expect.growth_rate.window = [0.0, 2.0]: should be [t0, t1]"),
-    (WALL, "irrotational-wall", "traction-free", "model.closure = 'traction-free': should be 'irrotational-wall' where"),
-    (WALL, '"none"', '"ring"', "model.delta = 'ring': should be 'none' or 'full' where p != 0 and a mode is given"),
-    (MOVING, 'a = "1"\n', 'a = "1"\nu = ["0", "0"]\n', "initial.u = ['0', '0']: should not stand beside [motion]"),
-    (MOVING, 'a = "1"\n', 'a = "1"\neigenmode = {m=1, n=1, amplitude=0.1}\n', "'amplitude': 0.1}: should not stand beside"),
+    (WALL, "irrotational-wall", "traction-free", "model.closure = 'traction-free': should be"),
+    (WALL, '"none"', '"ring"', "model.delta = 'ring': should be 'none' or 'full' where p != 0 and a mode is"),
+    (MOVING, 'a = "1"\n', 'a = "1"\nu = ["0", "0"]\n', "initial.u = ['0', '0']: should not stand beside"),
+    (MOVING, 'a = "1"\n', 'a = "1"\neigenmode = {m=1, n=1, amplitude=0.1}\n', "initial.eigenmode ="),
     (MOVING, 'y = "y0"', 'y = "y"', "motion.y = 'y': unknown name y; valid names are x0, y0, t, pi"),
     (MOVING, 'y = "y0"', 'y = "y0/t"', "motion.y = 'y0/t': should be finite on the unit disk at t = 0"),
     (MOVING, 'y = "y0"', "", "motion.y is missing; required keys are x, y"),
-    (MOVING, "x - x0 + t", "q", "expect.exact.a = '1 + q': unknown name q; valid names are x, y, r, theta, x0, y0, t, pi"),
-    (MOVING, "end = 1", "end = 1979-05-27", "time.end = datetime.date(1979, 5, 27): should be a valid number"),
+    (MOVING, "x - x0 + t", "q", "expect.exact.a = '1 + q': unknown name q; valid names are x, y, r, theta,"),
+    (MOVING, "end = 1", "end = 1979-05-27", "time.end = datetime.date(1979, 5, 27): should be a valid"),
     (MOVING, "end = 1", f"end{'.a' * 3000} = 1", "time.end = {'a': {'a'"),
     (MOVING, "end = 1", '"e\\nd" = 1', "unknown key time.e d"),
     (MOVING, "end = 1", f"end = 1{'0' * 400}", "time.end = "),
@@ -255,7 +256,7 @@ def test_shipped_scenes_load(name):
 
 @pytest.mark.parametrize("name", [name for name in shipped_scenes() if load_scene(name).expect.exact])
 def test_exact_solutions_solve_the_transport_equation(name):
-    """a_t - d Delta a + div(a v) = 1 - a + s with n.grad a = 0 on the rim, where dx/dt = v along the motion."""
+    """a_t - d Delta a + div(a v) = 1 - a + s with n.grad a = 0 on the rim, and dx/dt = v."""
     scene = load_scene(name)
     x, y, t, x0, y0 = sympy.symbols("x y t x0 y0", real=True)
     names = {"x": x, "y": y, "t": t, "x0": x0, "y0": y0, "J": sympy.besselj}

@@ -1,0 +1,128 @@
+"""Observers of a run: what is measured on every state, and what another run needs to know of one."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from actin_xcheck import observables
+from actin_xcheck.geometry import INTERIOR_POINTS, Mesh, locate, quadrature_points, signed_areas
+from actin_xcheck.model import Array, Closure
+from actin_xcheck.prediction import Mode
+from actin_xcheck.resolve import turn_matrix
+from actin_xcheck.scene import Scene
+from actin_xcheck.solver import Move, Solver, State
+from actin_xcheck.store import RunWriter
+
+Progress = Callable[[int, int], None]
+"""Called with steps done and steps in all."""
+
+
+class Paths:
+    """Keeps the node paths of a run, to drive another one."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.moves: list[Move] = []
+
+    def record(self, dt: float, state: State) -> None:
+        """Keep where the nodes are and how they got there."""
+        self.times.append(state.t)
+        self.moves.append(Move(state.x, state.v, net_force=state.net_force, net_torque=state.net_torque))
+
+    def frame(self, state: State) -> None:
+        """Output times mean nothing here."""
+
+
+class Corners:
+    """Keeps the corner values of every state: the unperturbed twin of a growing run."""
+
+    def __init__(self, solver: Solver) -> None:
+        self.solver = solver
+        self.values: list[Array] = []
+
+    def record(self, dt: float, state: State) -> None:
+        """Keep the concentration."""
+        self.values.append(self.solver.corners(state))
+
+    def frame(self, state: State) -> None:
+        """Output times mean nothing here."""
+
+
+class Amplitude:
+    """Amplitude of a mode in the difference to the unperturbed run, over the reference disk.
+
+    int (a - a_unperturbed) w dxi / int w^2 dxi with the mode w in the scene's frame.
+
+    Parameters
+    ----------
+    scene : names the mode.
+    mesh : the run's reference mesh.
+    twin : corner values (3, n_cells) of the unperturbed run after each step; None where it is a = 1.
+    """
+
+    def __init__(self, scene: Scene, mesh: Mesh, twin: list[Array] | None = None) -> None:
+        assert scene.mode is not None
+        mode, points = Mode(*scene.mode), quadrature_points(mesh.xi, mesh.triangles)
+        w = mode.value(turn_matrix(scene).T @ points.reshape(2, -1)).reshape(points.shape[1:])
+        areas = signed_areas(mesh.xi, mesh.triangles)
+        self.functional = INTERIOR_POINTS.T @ (w * areas / 3) / mode.norm2
+        self.twin = twin
+
+    def __call__(self, step: int, corners: Array) -> float:
+        """Amplitude of the state after `step` steps; nan where the twin has failed before."""
+        if self.twin is not None and step >= len(self.twin):
+            return float("nan")
+        unperturbed = 1.0 if self.twin is None else self.twin[step]
+        return float((self.functional * (corners - unperturbed)).sum())
+
+
+class Recorder:
+    """Measures every state, hands rows and frames to the store and tells how far the run is."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        solver: Solver,
+        writer: RunWriter,
+        amplitude: Amplitude | None,
+        steps: int,
+        progress: Progress,
+    ) -> None:
+        self.solver, self.mesh, self.writer = solver, solver.mesh, writer
+        self.amplitude, self.steps, self.progress, self.step = amplitude, steps, progress, 0
+        points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
+        self.probes = locate(self.mesh, turn_matrix(scene) @ points)
+        self.gauged = scene.physics.closure is Closure.TRACTION_FREE
+
+    def record(self, dt: float, state: State) -> None:
+        """Write one row of the time series."""
+        mesh, corners = self.mesh, self.solver.corners(state)
+        probe_a, probe_x = observables.probe(mesh.triangles, *self.probes, corners, state.x)
+        row = {
+            "time": state.t,
+            "dt": dt,
+            "area": observables.area(state.x, mesh.triangles),
+            "total_actin": observables.total_actin(state.x, mesh.triangles, corners),
+            "balance_residual": state.balance_residual,
+            "centroid": observables.centroid(state.x, mesh.triangles),
+            "polarity": observables.polarity(state.x[:, mesh.rim_nodes]),
+            "a_min": state.a.min(),
+            "a_max": state.a.max(),
+            "jacobian_min": observables.jacobian_min(mesh, state.x),
+            "probe_a": probe_a,
+            "probe_x": probe_x,
+        }
+        if self.gauged:
+            row |= {"net_force": np.array(state.net_force), "net_torque": state.net_torque}
+        if self.amplitude is not None:
+            row["mode_amplitude"] = self.amplitude(self.step, corners)
+        self.writer.record(row)
+        self.progress(self.step, self.steps)
+        self.step += 1
+
+    def frame(self, state: State) -> None:
+        """Write one output time; nodal values are means of the corners that meet there."""
+        triangles, corners, count = self.mesh.triangles, self.solver.corners(state), state.x.shape[1]
+        meeting = np.bincount(triangles.ravel(), minlength=count)
+        nodal = np.bincount(triangles.ravel(), corners.ravel(), count) / meeting
+        self.writer.frame(state.t, state.x, nodal, corners.mean(axis=0), state.x - self.mesh.xi, state.v)

@@ -1,0 +1,125 @@
+"""What every registered method owes the time loop, and what the time loop owes everybody."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from actin_xcheck.geometry import disk, integral
+from actin_xcheck.linear import TOLERANCE, solve
+from actin_xcheck.registry import METHODS
+from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.runs import bind, numerics
+from actin_xcheck.scene import load_scene
+from actin_xcheck.solver import State
+from actin_xcheck.stepping import integrate, step_count
+from tests.lab import FEM, Film, film_of, play, scene_of
+
+EVERY = pytest.mark.parametrize("method", list(METHODS))
+
+
+@EVERY
+def test_a_step_is_pure(method):
+    """The same step from the same state twice, with another step between: the same bits, old state intact."""
+    solver = bind(load_scene("fig14-four-fronts"), METHODS[method], 3, 0.0409)
+    start = solver.init()
+    before = {f.name: np.copy(getattr(start, f.name)) for f in dataclasses.fields(State)}
+    step = 0.05 / 2
+    first, outcome = solver.step(start, step)
+    solver.step(first, step)
+    again, _ = solver.step(start, step)
+    assert outcome.ok
+    assert np.array_equal(first.a, again.a)
+    assert np.array_equal(first.x, again.x)
+    assert all(np.array_equal(getattr(start, name), value) for name, value in before.items())
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        first.t = 1.0
+
+
+@EVERY
+def test_corner_values_carry_the_total_the_scheme_conserves(method):
+    solver = bind(load_scene("fig14-four-fronts"), METHODS[method], 3, 0.0409)
+    state, _ = solver.step(solver.init(), 0.05 / 2)
+    total = integral(state.x, solver.mesh.triangles, solver.corners(state))
+    if state.a.size == solver.mesh.triangles.shape[1]:
+        areas = integral(state.x, solver.mesh.triangles, np.broadcast_to(state.a, (3, state.a.size)))
+        assert total == pytest.approx(areas, rel=1e-13)
+    else:
+        assert np.array_equal(solver.corners(state), state.a[solver.mesh.triangles])
+    assert total > 3
+
+
+@EVERY
+def test_the_initial_state_is_the_scenes(method):
+    scene = scene_of(a="1 + 0.2*x*y", more='[domain]\nrotation = 20\n')
+    solver = bind(scene, METHODS[method], 4, 0.1)
+    state = solver.init()
+    assert state.t == 0
+    assert np.array_equal(state.x, solver.mesh.xi)
+    turned = np.array([[np.cos(0.349065850), np.sin(0.349065850)], [-np.sin(0.349065850), np.cos(0.349065850)]])
+    at = turned @ solver.mesh.xi[:, solver.mesh.triangles].reshape(2, -1)
+    exact = (1 + 0.2 * at[0] * at[1]).reshape(3, -1)
+    assert np.abs(solver.corners(state) - exact).max() < 0.005
+
+
+def test_steps_land_on_every_output_time():
+    scene = load_scene("fig14-four-fronts")
+    refine, dt = numerics(scene)
+    assert (refine, dt) == (6, 1.0228e-3)
+    assert step_count(dt, (0.1636,)) == 160
+    film = play(scene, FEM, 2, 0.0101)
+    assert [state.t for state in film.frames] == [0, 0.05, 0.1, 0.1636]
+    assert len(film.states) == 1 + step_count(0.0101, scene.output_times)
+    steps = np.diff([state.t for state in film.states])
+    assert steps.max() <= 0.0101 * (1 + 1e-12)
+
+
+def test_a_rejected_step_ends_the_run_as_a_value():
+    class Stumbling:
+        mesh = disk(2, 0.8)
+
+        def init(self):
+            return State(0.0, self.mesh.xi, np.ones(4), 0 * self.mesh.xi)
+
+        def step(self, state, dt):
+            new = dataclasses.replace(state, t=state.t + dt, a=state.a - 0.3)
+            return new, Outcome()
+
+        def corners(self, state):
+            return np.ones(self.mesh.triangles.shape)
+
+    solver = Stumbling()
+    film = Film(solver)
+    outcome = integrate(solver, 0.1, [1.0], film)
+    assert outcome.ending is Ending.NEGATIVE_CONCENTRATION
+    assert film.last.t == pytest.approx(0.3)
+    assert film.last.a.min() > 0
+
+
+def test_a_driven_run_ends_where_its_driver_ended():
+    """Strong contraction is singular for `viscoelastic`: the driven run says so too, at the same time."""
+    scene = scene_of("psi = 7.8e3\np = 0.026", a="1 + 1e-3*cos(x)", end=0.06)
+    ends = {}
+    for method in (FEM, "fv-driven", "fv-coupled"):
+        film, outcome = film_of(bind(scene, METHODS[method], 3, 0.001), 0.001, scene.output_times)
+        assert outcome.ending is Ending.SINGULAR_DILATION, outcome
+        ends[method] = film.last.t
+    assert ends["fv-driven"] == ends[FEM]
+    assert ends["fv-coupled"] == pytest.approx(ends[FEM], rel=0.1)
+
+
+def test_no_linear_solve_fails_in_silence():
+    import scipy.sparse as sp
+
+    good = sp.csr_matrix(np.array([[2.0, 1], [1, 3]]))
+    solution, outcome = solve(good, np.array([1.0, 2]))
+    assert outcome.ok
+    assert np.allclose(good @ solution, [1, 2], atol=1e-15)
+    singular = sp.csr_matrix(np.array([[1.0, 1], [1, 1]]))
+    assert solve(singular, np.array([1.0, 2]))[1].ending is Ending.NOT_CONVERGED
+    hilbert = sp.csr_matrix(1 / (np.arange(14)[:, None] + np.arange(14) + 1.0) - 0.3 * np.eye(14)[::-1])
+    solution, outcome = solve(hilbert, np.ones(14))
+    left = np.linalg.norm(hilbert @ solution - 1) / np.sqrt(14)
+    assert outcome.ok == (left <= TOLERANCE)
+    assert solve(good, np.array([np.nan, 1]))[1].ending is Ending.NON_FINITE
+    assert np.array_equal(solve(good, np.zeros(2))[0], np.zeros(2))
