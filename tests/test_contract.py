@@ -51,12 +51,14 @@ def test_corner_values_carry_the_total_the_scheme_conserves(method):
 
 @EVERY
 def test_the_initial_state_is_the_scenes(method):
-    scene = scene_of(a="1 + 0.2*x*y", more='[domain]\nrotation = 20\n')
+    scene = scene_of(a="1 + 0.2*x*y", more="[domain]\nrotation = 20\n")
     solver = bind(scene, METHODS[method], 4, 0.1)
     state = solver.init()
     assert state.t == 0
     assert np.array_equal(state.x, solver.mesh.xi)
-    turned = np.array([[np.cos(0.349065850), np.sin(0.349065850)], [-np.sin(0.349065850), np.cos(0.349065850)]])
+    turned = np.array(
+        [[np.cos(0.349065850), np.sin(0.349065850)], [-np.sin(0.349065850), np.cos(0.349065850)]]
+    )
     at = turned @ solver.mesh.xi[:, solver.mesh.triangles].reshape(2, -1)
     exact = (1 + 0.2 * at[0] * at[1]).reshape(3, -1)
     assert np.abs(solver.corners(state) - exact).max() < 0.005

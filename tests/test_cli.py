@@ -1,0 +1,183 @@
+"""The commands as a user meets them: one line and exit code 2 for a mistake, 1 for a failure, files kept."""
+
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+
+SERIES = {
+    "time": (), "dt": (), "area": (), "total_actin": (), "balance_residual": (), "centroid": (2,),
+    "polarity": (), "a_min": (), "a_max": (), "jacobian_min": (), "probe_a": (5,), "probe_x": (5, 2),
+}  # fmt: skip
+
+
+def cli(*arguments, cwd):
+    command = [sys.executable, "-W", "error", "-m", "actin_xcheck", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+
+
+def one_line(done, *parts):
+    """The command failed as a user's mistake does, and its line says all of this."""
+    assert done.returncode == 2, done
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1, done.stderr
+    for part in parts:
+        assert part in done.stderr
+
+
+def test_run_stores_what_it_promises(tmp_path):
+    done = cli("run", "static-decay", "--method", "fv-coupled", "--refine", 2, "--dt", 0.1,
+               "--out", "new/run.vtkhdf", cwd=tmp_path)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "completed" in done.stdout
+    with h5py.File(tmp_path / "new/run.vtkhdf") as file:
+        run = file["run"]
+        for name, shape in SERIES.items():
+            assert run["series"][name].shape == (7, *shape), name
+        assert run["series/time"][0] == 0
+        assert run["series/time"][-1] == 0.5
+        for name in (
+            "outcome",
+            "message",
+            "scene",
+            "method",
+            "schema",
+            "seed",
+            "versions",
+            "commit",
+            "wall_seconds",
+        ):
+            assert name in run.attrs
+        assert run.attrs["outcome"] == "completed"
+        assert set(file["VTKHDF/PointData"]) == {"a", "u", "v", "xi"}
+        assert set(file["VTKHDF/CellData"]) == {"a", "delta"}
+        assert np.array_equal(file["VTKHDF/Steps/Values"][:], [0, 0.25, 0.5])
+
+
+def test_an_existing_output_is_kept_without_force(tmp_path):
+    arguments = (
+        "run",
+        "static-decay",
+        "--method",
+        "fem-p1-paper",
+        "--refine",
+        2,
+        "--dt",
+        0.25,
+        "--out",
+        "a.vtkhdf",
+    )
+    assert cli(*arguments, cwd=tmp_path).returncode == 0
+    first = (tmp_path / "a.vtkhdf").read_bytes()
+    one_line(cli(*arguments, cwd=tmp_path), "a.vtkhdf", "--force")
+    assert (tmp_path / "a.vtkhdf").read_bytes() == first
+    assert cli(*arguments, "--force", "--quiet", cwd=tmp_path).returncode == 0
+
+
+def test_a_run_that_fails_exits_1_and_keeps_its_file(tmp_path):
+    scene = tmp_path / "strong.toml"
+    scene.write_text(
+        'name = "strong"\n[parameters]\npsi = 7800.0\np = 0.026\n[initial]\na = "1 + 1e-3*cos(x)"\n[time]\nend = 0.1\n',
+        encoding="utf-8",
+    )
+    done = cli(
+        "run",
+        scene,
+        "--method",
+        "fem-p1-paper",
+        "--refine",
+        3,
+        "--dt",
+        0.001,
+        "--out",
+        "s.vtkhdf",
+        cwd=tmp_path,
+    )
+    assert done.returncode == 1
+    assert "singular_dilation" in done.stdout
+    with h5py.File(tmp_path / "s.vtkhdf") as file:
+        assert file["run"].attrs["outcome"] == "singular_dilation"
+        assert "1 + phi" in file["run"].attrs["message"]
+        assert 0 < file["run/series/time"][-1] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "parts"),
+    [
+        (("psi = 1.0", "spi = 1.0"), ["mine.toml", "spi", "psi"]),
+        (("psi = 1.0", 'psi = "1"'), ["mine.toml", "parameters.psi", "'1'"]),
+        (("p = 0.1", "p = 0.1\nnu = 0.5"), ["mine.toml", "parameters.nu", "0.5"]),
+        (("p = 0.1", "p = 0.1\nd = -1"), ["mine.toml", "parameters.d", "-1"]),
+        (("end = 0.1", "end = 0"), ["mine.toml", "time.end", "0"]),
+        (("end = 0.1", "end = 0.1\noutputs = [0.1, 0.05]"), ["mine.toml", "time.outputs"]),
+        (("1 + 0.1*x", "1 + 2*x"), ["mine.toml", "initial.a", "1 + 2*x"]),
+        (("1 + 0.1*x", "1 + __import__('os').system('touch hacked')"), ["mine.toml", "initial.a"]),
+        (("1 + 0.1*x", "1 + z"), ["mine.toml", "initial.a", "z"]),
+        (("end = 0.1", "end = 0.1\n[probes]\npoints = [[1.0, 0.5]]"), ["mine.toml", "probes.points", "1.0"]),
+    ],
+)
+def test_a_wrong_scene_is_one_line_and_nothing_is_written(change, parts, tmp_path):
+    text = 'name = "mine"\n[parameters]\npsi = 1.0\np = 0.1\n[initial]\na = "1 + 0.1*x"\n[time]\nend = 0.1\n'
+    assert change[0] in text
+    (tmp_path / "mine.toml").write_text(text.replace(*change), encoding="utf-8")
+    for command in (
+        ["run", "mine.toml", "--method", "fem-p1-paper", "--out", "o/x.vtkhdf"],
+        ["compare", "mine.toml"],
+    ):
+        one_line(cli(*command, cwd=tmp_path), *parts)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["run", "fig14", "--method", "fem-p1-paper", "--out", "x.vtkhdf"], ["fig14", "fig14-four-fronts"]),
+        (["run", "stirred", "--method", "fem", "--out", "x.vtkhdf"], ["'fem'", "fem-p1-paper", "fv-tpfa"]),
+        (["run", "stirred", "--method", "fv-coupled", "--out", "x.h5"], ["x.h5", ".vtkhdf"]),
+        (["run", "stirred", "--method", "fv-coupled", "--dt", "0", "--out", "x.vtkhdf"], ["--dt", "0"]),
+        (["run", "stirred", "--method", "fv-coupled", "--dt", "nan", "--out", "x.vtkhdf"], ["--dt", "nan"]),
+        (["compare", "stirred", "stirred"], ["stirred"]),
+        (["scenes", "show", "nothing.toml"], ["nothing.toml"]),
+        (["report", "nowhere"], ["nowhere"]),
+    ],
+)
+def test_a_wrong_argument_is_one_line(arguments, parts, tmp_path):
+    one_line(cli(*arguments, cwd=tmp_path), *parts)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_compare_writes_one_folder_and_report_makes_the_page_again(tmp_path):
+    done = cli("compare", "growing-disk", "--refine", 3, "--dt", 0.05, "--out", "c", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "claims hold; report: c/index.html" in done.stdout
+    names = {"comparison.h5", "index.html"} | {
+        f"growing-disk--{m}.vtkhdf" for m in ("fem-p1-paper", "fv-coupled")
+    }
+    assert {path.name for path in (tmp_path / "c").iterdir()} == names
+    page = (tmp_path / "c/index.html").read_bytes()
+    (tmp_path / "c").rename(tmp_path / "moved")
+    assert cli("report", "moved", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "moved/index.html").read_bytes() == page
+    one_line(cli("compare", "growing-disk", "--out", "moved", cwd=tmp_path), "moved", "--force")
+
+
+def test_compare_exits_1_where_a_claim_fails(tmp_path):
+    """The exhibit fails its own claims: FiPy's diffusion alone does not converge."""
+    done = cli(
+        "compare", "stirred", "--method", "fv-tpfa", "--refine", 4, "--dt", 0.005, "--out", "c", cwd=tmp_path
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "FAIL stirred [fv-tpfa]" in done.stdout
+
+
+def test_scenes_lists_and_shows(tmp_path):
+    listed = cli("scenes", cwd=tmp_path)
+    assert listed.returncode == 0
+    assert "fig14-four-fronts" in listed.stdout
+    shown = cli("scenes", "show", "fig14-four-fronts", cwd=tmp_path)
+    assert 'name = "fig14-four-fronts"' in shown.stdout
+    (tmp_path / "own.toml").write_text(shown.stdout, encoding="utf-8")
+    assert cli("run", "own.toml", "--method", "fem-p1-paper", "--refine", 2, "--dt", 0.05, "--out", "o.vtkhdf",
+               cwd=tmp_path).returncode == 0  # fmt: skip
