@@ -79,7 +79,8 @@ def test_an_existing_output_is_kept_without_force(tmp_path):
 def test_a_run_that_fails_exits_1_and_keeps_its_file(tmp_path):
     scene = tmp_path / "strong.toml"
     scene.write_text(
-        'name = "strong"\n[parameters]\npsi = 7800.0\np = 0.026\n[initial]\na = "1 + 1e-3*cos(x)"\n[time]\nend = 0.1\n',
+        'name = "strong"\n[parameters]\npsi = 7800.0\np = 0.026\n'
+        '[initial]\na = "1 + 1e-3*cos(x)"\n[time]\nend = 0.1\n',
         encoding="utf-8",
     )
     done = cli(
@@ -179,5 +180,5 @@ def test_scenes_lists_and_shows(tmp_path):
     shown = cli("scenes", "show", "fig14-four-fronts", cwd=tmp_path)
     assert 'name = "fig14-four-fronts"' in shown.stdout
     (tmp_path / "own.toml").write_text(shown.stdout, encoding="utf-8")
-    assert cli("run", "own.toml", "--method", "fem-p1-paper", "--refine", 2, "--dt", 0.05, "--out", "o.vtkhdf",
-               cwd=tmp_path).returncode == 0  # fmt: skip
+    arguments = ("--method", "fem-p1-paper", "--refine", 2, "--dt", 0.05, "--out", "own.vtkhdf")
+    assert cli("run", "own.toml", *arguments, cwd=tmp_path).returncode == 0
