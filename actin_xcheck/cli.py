@@ -12,11 +12,12 @@ from rich.table import Table
 
 from actin_xcheck import compare as comparison
 from actin_xcheck.errors import UserError
+from actin_xcheck.model import CAVEATS
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
 from actin_xcheck.report import write_report
 from actin_xcheck.runs import numerics, run
-from actin_xcheck.scene import load_scene, scene_text, shipped_scenes
+from actin_xcheck.scene import Scene, load_scene, scene_text, shipped_scenes
 
 app = typer.Typer(
     add_completion=False,
@@ -35,6 +36,12 @@ Refine = Annotated[
 Dt = Annotated[float | None, typer.Option(help="Largest time step.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
+
+
+def _warn_of(scene: Scene) -> None:
+    """Say on standard error what a user must know before believing the scene's results."""
+    if caveat := CAVEATS.get(scene.physics.closure):
+        print(f"warning: {scene.name}: {caveat}", file=sys.stderr)
 
 
 def _positive(dt: float | None) -> None:
@@ -67,6 +74,8 @@ def compare_command(
         raise UserError(f"--out: {folder} holds a comparison already; valid: another folder, or --force")
     _make_folder(folder)
     jobs = comparison.jobs_of(loaded, methods, folder, refine, dt)
+    for scene in loaded:
+        _warn_of(scene)
     with Progress(quiet) as progress:
         claims = comparison.compare(jobs, folder, _command(), progress.report)
     page = write_report(folder)
@@ -99,6 +108,7 @@ def run_command(
         raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
     _make_folder(out_file.parent)
     refine, dt = numerics(loaded, refine, dt)
+    _warn_of(loaded)
     with Progress(quiet) as progress:
         label = f"{loaded.name} · {chosen.name}"
         outcome = run(

@@ -37,6 +37,13 @@ class Closure(StrEnum):
     """v.n = 0 and curl v = 0 on a static circle: the problem the dispersion relation (3.6) is exact for."""
 
 
+CAVEATS = {
+    Closure.CURRENT_NORMAL: "current-normal is ill-posed where the rim advances (ripples of wave number k "
+    "grow like 0.139 V |k| for Table 2's viscosities): finer meshes get worse, trust modest resolution only",
+}
+"""What a user must know of a closure before believing a result."""
+
+
 class Delta(StrEnum):
     """Where polymerisation adds to the pressure: the indicator delta(xi) of (2.5)."""
 

@@ -182,3 +182,20 @@ def test_scenes_lists_and_shows(tmp_path):
     (tmp_path / "own.toml").write_text(shown.stdout, encoding="utf-8")
     arguments = ("--method", "fem-p1-paper", "--refine", 2, "--dt", 0.05, "--out", "own.vtkhdf")
     assert cli("run", "own.toml", *arguments, cwd=tmp_path).returncode == 0
+
+
+def test_the_ill_posed_closure_is_warned_of_and_the_gauged_one_reports_its_loads(tmp_path):
+    text = (
+        'name = "n"\n[parameters]\npsi = 60.0\np = 0.2\n[model]\nclosure = "{}"\n'
+        '[initial]\na = "1 + 0.1*x"\n[time]\nend = 0.02\n'
+    )
+    for closure in ("current-normal", "traction-free"):
+        (tmp_path / "n.toml").write_text(text.format(closure), encoding="utf-8")
+        done = cli("compare", "n.toml", "--refine", 2, "--dt", 0.01, "--out", closure, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        page = (tmp_path / closure / "index.html").read_text(encoding="utf-8")
+        assert ("ill-posed" in done.stderr) == ("ill-posed" in page) == (closure == "current-normal")
+        assert ("Net torque" in page) == (closure == "traction-free")
+    with h5py.File(tmp_path / "traction-free" / "n--fem-p1-paper.vtkhdf") as file:
+        assert abs(file["run/series/net_force"][1, 0]) > 0.1
+        assert np.abs(file["run/series/net_torque"][:]).max() < 1e-10

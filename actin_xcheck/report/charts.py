@@ -81,14 +81,17 @@ _QUANTITIES = (
     _Quantity("|Balance residual|", "of total actin, relative, per step", ("balance_residual",), log=True),
 )
 _GROWTH = _Quantity("Mode amplitude", "predicted growth dotted", ("mode_amplitude",), log=True)
+_GAUGED = (
+    _Quantity("Net force", "that the gauge carries; x solid, y dashed", ("net_force",), component=(0, 1)),
+    _Quantity("Net torque", "that the gauge carries, about the centroid", ("net_torque",)),
+)
 _DASHES = ("-", (0, (4, 2)))
 
 
 def charts(runs: Sequence[Run], prefix: str) -> list[Chart]:
     """Return the charts of one scene; `prefix` keeps ids apart from those of other scenes on the page."""
-    quantities = [*_QUANTITIES]
-    if any("mode_amplitude" in run.series for run in runs):
-        quantities.insert(0, _GROWTH)
+    measured = {name for run in runs for name in run.series}
+    quantities = [q for q in (_GROWTH, *_QUANTITIES, *_GAUGED) if measured.issuperset(q.series)]
     with mpl.rc_context(_STYLE):
         return [_chart(quantity, runs, f"{prefix}-{i}") for i, quantity in enumerate(quantities)]
 

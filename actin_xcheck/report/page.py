@@ -11,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from actin_xcheck.claims import Claim
+from actin_xcheck.model import CAVEATS
 from actin_xcheck.report.charts import STYLES, Chart, Style, charts
 from actin_xcheck.report.film import FilmStrip, film_strip
 from actin_xcheck.scene import Scene, parse_scene
@@ -27,6 +28,11 @@ class _Section:
     runs: tuple[tuple[Run, Style], ...]
     strip: FilmStrip
     charts: tuple[Chart, ...]
+
+    @property
+    def caveat(self) -> str | None:
+        """What a reader must know of the scene's closure."""
+        return CAVEATS.get(self.scene.physics.closure)
 
     @property
     def properties(self) -> list[tuple[str, str]]:
