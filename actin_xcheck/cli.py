@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from actin_xcheck import compare as comparison
+from actin_xcheck import predict
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import CAVEATS
 from actin_xcheck.progress import Progress
@@ -28,6 +29,7 @@ app = typer.Typer(
 )
 scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped scenes, or show one.")
 app.add_typer(scenes_app, name="scenes")
+app.add_typer(predict.app, name="predict")
 out = Console(soft_wrap=True, highlight=False)
 
 Refine = Annotated[

@@ -7,7 +7,7 @@ import scipy.sparse.linalg as spl
 from actin_xcheck.model import Array
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 
-TOLERANCE = 1e-10
+TOLERANCE = 1e-12
 """Largest relative residual |Ax - b| / |b| that is not a failure."""
 
 

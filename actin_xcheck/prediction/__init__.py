@@ -17,6 +17,7 @@ from actin_xcheck.prediction.dispersion import (
     unstable_modes,
 )
 from actin_xcheck.prediction.errata import ERRATA, TABLE_4_PRINTED, TABLE_6_PRINTED, Erratum, Table4Row
+from actin_xcheck.prediction.exact import DiskModes
 from actin_xcheck.prediction.growth import (
     Extrapolation,
     GrowthFit,
@@ -25,17 +26,20 @@ from actin_xcheck.prediction.growth import (
     fit_growth,
 )
 from actin_xcheck.prediction.modes import Mode, count_below, modes_below, table_6, wavenumber
+from actin_xcheck.prediction.threshold import Threshold, threshold
 
 __all__ = [
     "ERRATA",
     "TABLE_4_PRINTED",
     "TABLE_6_PRINTED",
+    "DiskModes",
     "Eigenfield",
     "Erratum",
     "Extrapolation",
     "GrowthFit",
     "Mode",
     "Table4Row",
+    "Threshold",
     "Version",
     "amplitude_at_rest",
     "coefficients",
@@ -51,6 +55,7 @@ __all__ = [
     "printed_3_7",
     "sigma_prime",
     "table_6",
+    "threshold",
     "unstable_modes",
     "wavenumber",
 ]

@@ -1,0 +1,117 @@
+"""`predict`: what theory says of a parameter set, as a table or as JSON."""
+
+import json
+import re
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from actin_xcheck.errors import UserError
+from actin_xcheck.model import Closure, Delta, Model, Rheology
+from actin_xcheck.parameters import Parameters
+from actin_xcheck.prediction import DiskModes, threshold
+
+app = typer.Typer(no_args_is_help=True, help="Exact growth rates and thresholds of the disk, delta constant.")
+out = Console(soft_wrap=True, highlight=False)
+
+_DEFAULT = Parameters(psi=0.0, p=0.0)
+Psi = Annotated[float, typer.Option(help="Contractile tonicity, non-dimensional.")]
+P = Annotated[float, typer.Option(help="Pressure coefficient, non-dimensional.")]
+D = Annotated[float, typer.Option(help="Diffusion coefficient.", min=0.0)]
+ASat = Annotated[float, typer.Option(help="Saturation concentration.")]
+Mu1 = Annotated[float, typer.Option(help="Shear viscosity.")]
+Mu2 = Annotated[float, typer.Option(help="Bulk viscosity.")]
+Nu = Annotated[float, typer.Option(help="Poisson's ratio.")]
+ClosureOption = Annotated[Closure, typer.Option(help="Conditions on the rim.")]
+RheologyOption = Annotated[Rheology, typer.Option(help="Which displacement the elastic stress sees.")]
+DeltaOption = Annotated[Delta, typer.Option(help="Constant delta: none or full.")]
+Modes = Annotated[str, typer.Option("--m", help="Angular numbers: 3, or 0:8 (inclusive).")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command("modes")
+def modes_command(
+    psi: Psi,
+    p: P,
+    d: D = _DEFAULT.d,
+    a_sat: ASat = _DEFAULT.a_sat,
+    mu1: Mu1 = _DEFAULT.mu1,
+    mu2: Mu2 = _DEFAULT.mu2,
+    nu: Nu = _DEFAULT.nu,
+    closure: ClosureOption = Closure.REFERENCE_NORMAL,
+    rheology: RheologyOption = Rheology.VISCOELASTIC,
+    delta: DeltaOption = Delta.NONE,
+    m: Modes = "0:8",
+    above: Annotated[float, typer.Option(help="Give all rates with a real part above this.")] = 0.0,
+    as_json: Json = False,
+) -> None:
+    """Every growth rate above a bound, per angular number; the count is proved by the argument principle."""
+    model = _model(Parameters(psi, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    found = []
+    for number in _numbers(m):
+        try:
+            rates = DiskModes(model, number).rates(above)
+        except ValueError as error:
+            raise UserError(f"--above: {error}") from None
+        found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
+    if as_json:
+        print(json.dumps({"modes": found, "complete": True}))
+        return
+    table = Table("m", "Re lambda", "Im lambda", box=None)
+    for mode in found:
+        table.add_row(str(mode["m"]), f"{mode['re']:.10g}", f"{mode['im']:.10g}")
+    out.print(table)
+
+
+@app.command("threshold")
+def threshold_command(
+    p: P,
+    d: D = _DEFAULT.d,
+    a_sat: ASat = _DEFAULT.a_sat,
+    mu1: Mu1 = _DEFAULT.mu1,
+    mu2: Mu2 = _DEFAULT.mu2,
+    nu: Nu = _DEFAULT.nu,
+    closure: ClosureOption = Closure.REFERENCE_NORMAL,
+    rheology: RheologyOption = Rheology.VISCOELASTIC,
+    delta: DeltaOption = Delta.NONE,
+    m: Modes = "0:4",
+    as_json: Json = False,
+) -> None:
+    """The smallest psi at which a rate of each angular number reaches Re lambda = 0, and its frequency."""
+    model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    found = [threshold(model, number) for number in _numbers(m)]
+    if as_json:
+        print(json.dumps({"thresholds": [vars(one) for one in found]}))
+        return
+    table = Table("m", "psi", "omega", "", box=None)
+    for one in found:
+        numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
+        table.add_row(str(one.m), *numbers, one.reason)
+    out.print(table)
+
+
+def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:
+    """Check what the types do not."""
+    positive = {"--d": parameters.d, "--a-sat": parameters.a_sat, "--mu1": parameters.mu1}
+    for option, value in positive.items():
+        if not value > 0:
+            raise UserError(f"{option}: {value:g} is out of range; valid: a number > 0")
+    if not parameters.mu2 >= 0:
+        raise UserError(f"--mu2: {parameters.mu2:g} is out of range; valid: a number >= 0")
+    if not -1 < parameters.nu < 0.5:
+        raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
+    if delta not in {Delta.NONE, Delta.FULL}:
+        raise UserError(f"--delta: {delta} varies in space; theory takes it constant; valid: none, full")
+    return Model(parameters, rheology, closure, delta)
+
+
+def _numbers(given: str) -> range:
+    """Angular numbers from "3" or "0:8"."""
+    if not (match := re.fullmatch(r"(\d{1,3})(?::(\d{1,3}))?", given)):
+        raise UserError(f"--m: {given!r} is no range; valid: a number as in 3, or 0:8 (inclusive)")
+    first, last = int(match[1]), int(match[2] or match[1])
+    if first > last:
+        raise UserError(f"--m: {given!r} is empty; valid: the smaller number first")
+    return range(first, last + 1)

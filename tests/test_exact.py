@@ -1,0 +1,188 @@
+"""The exact modes of the moving cell: published values, limits, completeness, and the FEM's own spectrum."""
+
+import json
+from dataclasses import replace
+from itertools import count, takewhile
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spl
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import jv
+from skfem import BilinearForm
+from skfem.helpers import div, dot
+
+from actin_xcheck.geometry import disk
+from actin_xcheck.model import Closure, Delta, Model, Rheology
+from actin_xcheck.parameters import Parameters
+from actin_xcheck.prediction import DiskModes, Mode, growth_rates, threshold
+from actin_xcheck.prediction.dispersion import active_slope
+from fem import forms
+from fem.boundary import prolongation
+from fem.force_balance import ForceBalance
+from tests.test_cli import cli, one_line
+
+STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
+CLOSURES = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE, Closure.IRROTATIONAL_WALL]
+
+
+def close(found, expected, tolerance):
+    """Two sets of complex numbers, order apart."""
+    expected = list(expected)
+    assert len(found) == len(expected), (found, expected)
+    for rate in found:
+        nearest = min(expected, key=lambda other: abs(other - rate))
+        assert abs(nearest - rate) < tolerance * (1 + abs(rate)), (rate, nearest)
+        expected.remove(nearest)
+
+
+@pytest.mark.parametrize(
+    ("m", "leading"),
+    [(0, 11.7008769), (1, 7.1918836), (2, 1.4798239 + 0.5246569j), (2, 1.4798239 - 0.5246569j)],
+)
+def test_values_confirmed_by_a_radial_eigenvalue_computation(m, leading):
+    rates = DiskModes(STRONG, m).rates(-0.05)
+    assert np.abs(rates - leading).min() < 1e-7
+    assert rates[0].real == pytest.approx(leading.real, abs=1e-7)
+
+
+@pytest.mark.parametrize("m", range(7))
+@pytest.mark.parametrize("psi", [62.4, 270.0, 1300.0])
+def test_the_wall_has_the_rates_of_the_dispersion_relation(psi, m):
+    model = Model(Parameters(psi, 0.26), closure=Closure.IRROTATIONAL_WALL, delta=Delta.FULL)
+    modes = (Mode(m, n) for n in (count(2) if m == 0 else count(1)))
+    expected = [
+        rate
+        for mode in takewhile(lambda mode: mode.k < 60, modes)
+        for rate in growth_rates(model, mode.k**2)
+        if rate.real > -0.05
+    ]
+    close(DiskModes(model, m).rates(-0.05), expected, 1e-10)
+
+
+@pytest.mark.parametrize("closure", CLOSURES)
+@pytest.mark.parametrize("m", range(4))
+def test_without_active_stress_actin_just_decays(closure, m):
+    model = Model(Parameters(0.0, 0.0), Rheology.VISCOUS, closure, Delta.NONE)
+    modes = [Mode(m, n) for n in range(1, 6)]
+    expected = [-1 - 0.4 * mode.k**2 for mode in modes if -1 - 0.4 * mode.k**2 > -30]
+    close(DiskModes(model, m).rates(-30.0), expected, 1e-9)
+
+
+@pytest.mark.parametrize("closure", CLOSURES)
+@pytest.mark.parametrize("m", range(4))
+def test_viscous_is_the_limit_of_vanishing_elasticity(closure, m):
+    viscous = Model(Parameters(200.0, 0.0), Rheology.VISCOUS, closure, Delta.NONE)
+    scale = 1e6
+    p = viscous.parameters
+    soft = replace(p, psi=scale * p.psi, mu1=scale * p.mu1, mu2=scale * p.mu2)
+    rates = DiskModes(Model(soft, Rheology.VISCOELASTIC, closure, Delta.NONE), m).rates(0.5)
+    close(rates, DiskModes(viscous, m).rates(0.5), 1e-5)
+
+
+def test_a_list_that_could_not_be_complete_is_refused():
+    model = Model(Parameters(270.0, 0.26), delta=Delta.NONE)
+    with pytest.raises(ValueError, match=r"-\(1 \+ nu' - p_e\)/mu = -0\.165556"):
+        DiskModes(model, 1).rates(-0.18)
+    assert DiskModes(model, 1).rates(-0.1).size >= 2
+    unstable = Model(Parameters(38.24, 1.646), delta=Delta.FULL)
+    with pytest.raises(ValueError, match="must lie right of"):
+        DiskModes(unstable, 1).rates(0.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    psi=st.floats(0, 400),
+    p=st.floats(-1, 1),
+    d=st.floats(0.05, 2),
+    mu1=st.floats(0.5, 5),
+    mu2=st.floats(0.5, 10),
+    nu=st.floats(0.0, 0.45),
+    delta=st.sampled_from([Delta.NONE, Delta.FULL]),
+    closure=st.sampled_from(CLOSURES),
+    rheology=st.sampled_from(list(Rheology)),
+    m=st.integers(0, 6),
+)
+def test_any_rates_are_zeros_in_pairs_and_as_many_as_counted(
+    psi, p, d, mu1, mu2, nu, delta, closure, rheology, m
+):
+    modes = DiskModes(Model(Parameters(psi, p, d, 1.4, mu1, mu2, nu), rheology, closure, delta), m)
+    if any(point >= 0 for point in modes.boundary_points().values()):
+        return
+    rates = modes.rates(0.0)
+    assert len(rates) == modes.count(0.0)
+    close(np.conj(rates), rates, 1e-10)
+    for rate in rates:
+        around = modes.determinant(rate + 0.01 * (1 + abs(rate)) * np.exp(2j * np.pi * np.arange(8) / 8), jv)
+        assert abs(modes.determinant(rate, jv)) < 1e-9 * np.abs(around).max()
+
+
+def rate_of_fem(model, refine, near):
+    """The eigenvalue nearest to `near` of the linearised semi-discrete system (B.21), (B.22) about a = 1.
+
+    lambda (A u) = -B u + f' L a and lambda (M a + D u) = -(M + d K) a with L the load of a unit of f.
+    """
+    mesh = disk(refine, 0.8)
+    balance = ForceBalance(model, mesh)
+    free = prolongation(model.closure, mesh, mesh.xi)
+    vector, scalar = balance.bases.vector_load.reference, balance.bases.scalar.reference
+    rim = balance.bases.rim.reference
+    elastic_step = [forms.network(model, dt).assemble(vector) for dt in (0.0, 1.0)]
+    A, B = (free.T @ matrix @ free for matrix in (elastic_step[0], elastic_step[1] - elastic_step[0]))
+    inside = BilinearForm(lambda a, w, _: -a * div(w)).assemble(scalar, vector)
+    on_rim = BilinearForm(lambda a, w, fields: a * dot(fields["n"], w)).assemble(
+        rim.with_element(scalar.elem), rim
+    )
+    L, D = (
+        free.T @ (inside + on_rim),
+        BilinearForm(lambda v, b, _: b * div(v)).assemble(vector, scalar) @ free,
+    )
+    M, K = forms.mass.assemble(scalar), forms.stiffness.assemble(scalar)
+    right = sp.block_array([[A, None], [D, M]]).tocsc()
+    left = sp.block_array([[-B, active_slope(model) * L], [None, -(M + model.parameters.d * K)]]).tocsc()
+    factor = spl.splu((left - near * right).tocsc())
+    inverse = spl.LinearOperator(left.shape, lambda y: factor.solve(right @ y), dtype=complex)
+    start = np.random.default_rng(0).normal(size=left.shape[0]).astype(complex)
+    return near + 1 / spl.eigs(inverse, k=1, v0=start, return_eigenvectors=False)[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("psi", "m"), [(270.0, 0), (270.0, 1), (240.0, 2), (500.0, 4)])
+def test_the_spectrum_of_the_finite_elements_converges_to_the_exact_one(psi, m):
+    """Normal closure at p = 0, complex pairs included: second order in h."""
+    model = replace(STRONG, parameters=Parameters(psi, 0.0))
+    exact = complex(DiskModes(model, m).rates(-0.05)[0])
+    errors = [abs(rate_of_fem(model, refine, exact + 0.01j) - exact) for refine in (3, 4, 5)]
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.2), errors
+    assert errors[2] < 0.1 * abs(exact)
+
+
+def test_the_moving_cell_is_stable_where_the_article_has_its_bifurcation():
+    """psi = 62.4 is unstable for the wall and stable for the cell, whose threshold is 101 (m = 0)."""
+    cell = Model(Parameters(0.0, 0.26), delta=Delta.NONE)
+    wall = replace(cell, closure=Closure.IRROTATIONAL_WALL)
+    assert threshold(wall, 1).psi == pytest.approx(36.0557067, rel=1e-8)
+    found = [threshold(cell, m) for m in (0, 1)]
+    assert [one.psi for one in found] == pytest.approx([100.6419082, 158.5665207], rel=1e-8)
+    assert found[0].omega == pytest.approx(1.06669, rel=1e-5)
+    unstable = Model(Parameters(0.0, 1.646), delta=Delta.FULL)
+    none = threshold(unstable, 1)
+    assert none.psi is None
+    assert "infinitely many" in none.reason
+
+
+def test_predict_prints_what_the_library_finds(tmp_path):
+    arguments = ("--p", 0, "--closure", "reference-normal", "--delta", "none", "--json")
+    done = cli("predict", "modes", "--psi", 270, "--m", "0:2", "--above", -0.05, *arguments, cwd=tmp_path)
+    found = json.loads(done.stdout)
+    assert found["complete"] is True
+    assert [mode["m"] for mode in found["modes"]] == [0, 0, 1, 1, 1, 2, 2]
+    assert found["modes"][5]["im"] == pytest.approx(0.5246569, abs=1e-7)
+    done = cli("predict", "threshold", "--m", "0:0", *arguments, cwd=tmp_path)
+    assert json.loads(done.stdout)["thresholds"][0]["psi"] == pytest.approx(101.0549929, rel=1e-8)
+    one_line(
+        cli("predict", "modes", "--psi", 270, "--above", -1, *arguments, cwd=tmp_path), "--above", "-1/mu1"
+    )
+    one_line(cli("predict", "modes", "--psi", 1, "--m", "8:0", *arguments, cwd=tmp_path), "--m", "8:0")
