@@ -61,7 +61,7 @@ def test_a_start_at_rest_excites_both_roots():
         more='[model]\nclosure = "irrotational-wall"\ndelta = "none"\n'
         "[expect.growth_rate]\nm = 1\nn = 1\nwindow = [0.0, 2.0]\nbound = { h2 = 10.0, dt = 10.0 }\n",
     )
-    time, amplitude = amplitudes(scene, FEM, 4, 0.005)
+    time, amplitude = amplitudes(scene, FEM, 4, 0.01)
     fit = fit_growth(time, amplitude, (0.0, 2.0), 2)
     fast, slow = (rate.real for rate in fit.rates)
     predicted = growth_rates(scene.physics, Mode(1, 1).k ** 2).real

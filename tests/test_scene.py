@@ -142,7 +142,7 @@ MISTAKES = [
     (GOOD, "psi = 10", "", "parameters.psi is missing; required keys are psi, p"),
     (GOOD, "psi = 10", "pssi = 10", "unknown key parameters.pssi (did you mean psi?); valid keys are psi,"),
     (GOOD, "[probes]", "[probs]", "unknown key probs (did you mean probes?); valid keys are name, source,"),
-    (GOOD, "area", "aera", "unknown key expect.reference.at[0].aera (did you mean area?); valid keys are"),
+    (GOOD, "area", "aera", "unknown key expect.reference.bound.aera (did you mean area?); valid keys are"),
     (GOOD, "h2 =", "h3 =", "unknown key expect.agreement.bound.h3; valid keys are h2, dt"),
     (GOOD, "psi = 10", 'psi = "10"', "parameters.psi = '10': should be a valid number"),
     (GOOD, "psi = 10", "psi = true", "parameters.psi = True: should be a valid number"),
