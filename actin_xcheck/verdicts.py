@@ -112,7 +112,12 @@ class _Judge:
             # a start at rest excites both roots of (3.6), an eigenmode one
             exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode else 2
             time, amplitude = self.run.series["time"], self.run.series["mode_amplitude"]
-            measured = float(fit_growth(time, amplitude, expected.window, exponentials).rate.real)
+            try:
+                measured = float(fit_growth(time, amplitude, expected.window, exponentials).rate.real)
+            except (
+                ValueError
+            ) as error:  # too few samples, or no such exponentials in them: no number, no proof
+                note = f"{error}; {note}"
         return self._claim(
             f"mode w_{expected.m}{expected.n} grows at the predicted rate {predicted:.4f} (relative error; "
             f"measured {measured:.4f})",

@@ -6,8 +6,10 @@ import pytest
 from actin_xcheck.prediction import extrapolate, fit_growth, growth_rates, leading_growth_rate
 from actin_xcheck.prediction.modes import Mode
 from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import amplitude_of, bind
+from actin_xcheck.runs import amplitude_of, bind, run
 from actin_xcheck.scene import load_scene, parse_scene
+from actin_xcheck.store import read_run
+from actin_xcheck.verdicts import judge
 from tests.lab import FEM, FV, film_of, scene_of
 
 WALL_MODES = [
@@ -91,3 +93,12 @@ def test_the_unperturbed_run_is_subtracted_where_it_moves():
     _, amplitude = amplitudes(scene, FEM, 3, 0.005)
     assert amplitude[0] == pytest.approx(1e-6, rel=0.02)
     assert np.abs(amplitude).max() < 1e-5
+
+
+def test_a_rate_that_cannot_be_fitted_is_a_failed_claim_with_its_reason(tmp_path):
+    scene = load_scene("mode-11-wall")
+    run(scene, METHODS[FEM], 2, 1.0, tmp_path / "run.vtkhdf")  # one step: nothing to fit
+    claims = judge(scene, {FEM: read_run(tmp_path / "run.vtkhdf")})
+    failed = [claim for claim in claims if not claim.holds]
+    assert len(failed) == 1
+    assert "samples" in failed[0].note
