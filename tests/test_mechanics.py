@@ -74,7 +74,7 @@ def test_the_step_adds_dt_times_the_elastic_matrix():
     balance = ForceBalance(model_of(), MESH)
     before, after = (balance.assemble(X, uniform(1.0), dt) for dt in (0.0, 0.25))
     elastic = (after.matrix - before.matrix) @ interleave(X - MESH.xi)
-    assert np.abs(elastic + 0.25 * before.load).max() < 1e-12
+    assert np.abs(elastic + 0.25 * before.load).max() < 1e-11
     assert np.abs(elastic).max() > 0.01
 
 
@@ -91,7 +91,7 @@ def test_the_membrane_pushes_with_the_active_pressure_of_the_rim(rheology, a):
 
 
 def test_the_ring_pulls_where_its_pressure_ends():
-    """delta = ring: f jumps by p/(1+phi) (2/pi) arctan a across |xi| = l0, and nowhere else is there a force."""
+    """delta = ring: f jumps by p/(1+phi) (2/pi) arctan a across |xi| = l0; no other node feels a force."""
     model = model_of(psi=7.0, p=0.3, delta=Delta.RING)
     surplus = 0.3 / (1 + PHI) * 2 / np.pi * np.arctan(1.3)
     elastic = ForceBalance(model_of(), MESH).assemble(X, uniform(1.3), 0.0).load
@@ -102,7 +102,7 @@ def test_the_ring_pulls_where_its_pressure_ends():
 
 
 def test_a_gradient_of_actin_pulls_with_the_slope_of_the_contractility():
-    """Without a rim in sight the load is the integral of grad f against w: total over the cell = rim of f n."""
+    """Away from the rim the load is the integral of grad f against w."""
     model = model_of(psi=3.0)
     a = 1 + 0.1 * MESH.xi[0]
     load = ForceBalance(model, MESH).assemble(MESH.xi, a[MESH.triangles], 0.0).load
