@@ -14,7 +14,7 @@ class Claim:
     methods : names of the methods it is about.
     statement : one sentence for a reader who knows the article.
     value : the measured number, smaller is better.
-    bound : the largest value with which the claim holds.
+    bound : the largest value with which the claim holds; nan where it is not judged.
     command : what reproduces the value.
     path : HDF5 path, inside the comparison, of the numbers the value was made from.
     note : where the bound comes from, or any caveat.
@@ -30,11 +30,18 @@ class Claim:
     note: str = ""
 
     @property
+    def judged(self) -> bool:
+        """False where nobody stated a bound: the number is shown, and proves nothing."""
+        return not math.isnan(self.bound)
+
+    @property
     def holds(self) -> bool:
         """True where the value is finite and within the bound: a run that gave no number proves nothing."""
         return math.isfinite(self.value) and self.value <= self.bound
 
     @property
     def verdict(self) -> str:
-        """PASS where the claim holds, else FAIL."""
+        """ "PASS" where the claim holds, "FAIL" where it does not, "NOT JUDGED" without a bound."""
+        if not self.judged:
+            return "NOT JUDGED"
         return "PASS" if self.holds else "FAIL"

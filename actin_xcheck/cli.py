@@ -1,5 +1,6 @@
 """The commands.  A user's mistake is one line on standard error and exit code 2; a failed claim or run, 1."""
 
+import math
 import shlex
 import sys
 from datetime import datetime
@@ -30,7 +31,6 @@ app = typer.Typer(
 scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped scenes, or show one.")
 app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
-out = Console(soft_wrap=True, highlight=False)
 
 Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
@@ -47,7 +47,7 @@ def _warn_of(scene: Scene) -> None:
 
 
 def _positive(dt: float | None) -> None:
-    if dt is not None and not dt > 0:
+    if dt is not None and not 0 < dt < math.inf:
         raise UserError(f"--dt: {dt:g} is not a time step; valid: a number > 0")
 
 
@@ -75,19 +75,20 @@ def compare_command(
     if (folder / "comparison.h5").exists() and not force:
         raise UserError(f"--out: {folder} holds a comparison already; valid: another folder, or --force")
     _make_folder(folder)
+    for stale in ("comparison.h5", "index.html"):  # a page must never stand beside runs it is not made of
+        (folder / stale).unlink(missing_ok=True)
     jobs = comparison.jobs_of(loaded, methods, folder, refine, dt)
     for scene in loaded:
         _warn_of(scene)
     with Progress(quiet) as progress:
         claims = comparison.compare(jobs, folder, _command(), progress.report)
     page = write_report(folder)
-    failed = [claim for claim in claims if not claim.holds]
+    judged = [claim for claim in claims if claim.judged]
+    failed = [claim for claim in judged if not claim.holds]
     for claim in failed:
-        out.print(
-            f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: ", end="", markup=False
-        )
-        out.print(f"{claim.value:.3g} > {claim.bound:.3g}", markup=False)
-    out.print(f"{len(claims) - len(failed)} of {len(claims)} claims hold; report: {page}", markup=False)
+        print(f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: ", end="")
+        print(f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})")
+    print(f"{len(judged) - len(failed)} of {len(judged)} claims hold; report: {page}")
     raise typer.Exit(1 if failed else 0)
 
 
@@ -106,6 +107,8 @@ def run_command(
     loaded, chosen = load_scene(scene), find_method(method)
     if out_file.suffix != ".vtkhdf":
         raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
+    if out_file.is_dir():
+        raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
     if out_file.exists() and not force:
         raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
     _make_folder(out_file.parent)
@@ -116,7 +119,7 @@ def run_command(
         outcome = run(
             loaded, chosen, refine, dt, out_file, _command(), lambda done, n: progress.report(label, done, n)
         )
-    out.print(f"{outcome.ending}: {outcome.message or out_file}", markup=False)
+    print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
 
 
@@ -137,13 +140,13 @@ def scenes_command(context: typer.Context) -> None:
 @scenes_app.command("show")
 def scenes_show(name: str) -> None:
     """Print a scene's TOML: the start of a scene of one's own."""
-    out.print(scene_text(name), markup=False, end="")
+    sys.stdout.write(scene_text(name))
 
 
 @app.command("report")
 def report_command(folder: Path) -> None:
     """Write the HTML report of a comparison again, from its files alone."""
-    out.print(f"report: {write_report(folder)}", markup=False)
+    print(f"report: {write_report(folder)}")
 
 
 def _command() -> str:
@@ -164,3 +167,6 @@ def main() -> None:
     except UserError as error:
         print(f"actin_xcheck: {error}", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:
+        print("actin_xcheck: interrupted; what was finished is kept", file=sys.stderr)
+        sys.exit(130)

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import queue
+import shlex
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -39,9 +40,9 @@ class Job:
     @property
     def command(self) -> str:
         """The command that makes this run again."""
-        return (
-            f"python -m actin_xcheck run {self.scene.origin} --method {self.method.name} "
-            f"--refine {self.refine} --dt {self.dt:g} --out {self.path.name}"
+        words = ["run", self.scene.origin, "--method", self.method.name, "--refine", str(self.refine)]
+        return "python -m actin_xcheck " + shlex.join(
+            [*words, "--dt", repr(self.dt), "--out", self.path.name]
         )
 
 
@@ -98,9 +99,15 @@ def _run_all(jobs: Sequence[Job], report: Report) -> None:
     with context.Manager() as manager, ProcessPoolExecutor(workers, mp_context=context) as pool:
         news = manager.Queue()
         futures = [pool.submit(_work, job, news) for job in order]
-        while not all(future.done() for future in futures):
+        try:
+            while not all(future.done() for future in futures):
+                _pass_on(news, report)
             _pass_on(news, report)
-        _pass_on(news, report)
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
         for future in futures:
             future.result()
 

@@ -54,6 +54,8 @@ def polarity(points: Array) -> float:
     """
     centre = points.mean(axis=1, keepdims=True)
     scale = np.hypot(*(points - centre)).max()
+    if not scale > 0:  # one point, or none of the coordinates is a number
+        return float("nan")
     y = (points - centre) / scale
     # A = [[p, q], [q, r]], residual A y + b is linear in s = (p, q, r, b1, b2)
     zero, one = np.zeros(y.shape[1]), np.ones(y.shape[1])

@@ -1,6 +1,7 @@
 """`predict`: what theory says of a parameter set, as a table or as JSON."""
 
 import json
+import math
 import re
 from typing import Annotated
 
@@ -59,6 +60,9 @@ def modes_command(
     if as_json:
         print(json.dumps({"modes": found, "complete": True}))
         return
+    if not found:
+        print(f"no rate above {above:g} for m = {m}")
+        return
     table = Table("m", "Re lambda", "Im lambda", box=None)
     for mode in found:
         table.add_row(str(mode["m"]), f"{mode['re']:.10g}", f"{mode['im']:.10g}")
@@ -94,6 +98,9 @@ def threshold_command(
 
 def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:
     """Check what the types do not."""
+    for option, value in {"--psi": parameters.psi, "--p": parameters.p}.items():
+        if not math.isfinite(value):
+            raise UserError(f"{option}: {value:g} is no number; valid: a finite number")
     positive = {"--d": parameters.d, "--a-sat": parameters.a_sat, "--mu1": parameters.mu1}
     for option, value in positive.items():
         if not value > 0:

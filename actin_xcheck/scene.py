@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
@@ -101,6 +102,20 @@ class Scene(Table):
                 if given is not None and len(given) != probes:
                     valid = f"should have one entry per probe, {probes}, not {len(given)}"
                     raise mistake(f"{key}.{name}", list(given), valid)
+        return self
+
+    @model_validator(mode="after")
+    def _references_are_judged(self) -> Self:
+        reference = self.expect.reference
+        for name in ("area", "total_actin", "probe_a", "probe_x") if reference else ():
+            assert reference
+            given = [getattr(at, name) for at in reference.at if getattr(at, name) is not None]
+            known = any(np.isfinite(values).any() for values in given)
+            if known != (getattr(reference.bound, name) is not None):
+                has = "values but no bound" if known else "a bound but no values"
+                raise mistake(f"expect.reference.bound.{name}", has, "should have both, or neither")
+            if name in ("area", "total_actin") and any(value <= 0 for value in given):
+                raise mistake(f"expect.reference.at.{name}", given, "should be > 0")
         return self
 
     @property

@@ -45,8 +45,8 @@ class Problem:
 class Move:
     """What a Mechanics returns: new node positions (2, N), node velocities (2, N) and how it went.
 
-    `net_force` (2,) and `net_torque` are the loads the closure's gauge had to carry, per area; zero for
-    closures without a gauge.
+    `net_force` (2,) and `net_torque` (about the centroid) are the total loads that the closure's gauge
+    carries; zero for closures without one.
     """
 
     x: Array

@@ -58,6 +58,8 @@ def integrate(solver: Solver, dt: float, output_times: Sequence[float], observer
             if outcome.ok:
                 state, outcome = _checked_step(solver, state, (end - start) / steps)
             if not outcome.ok:
+                if state.t > start:  # the last state that stands is worth a picture
+                    observer.frame(state)
                 return outcome
             if k == steps - 1:
                 state = replace(state, t=end)

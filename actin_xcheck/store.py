@@ -246,7 +246,8 @@ def _commit() -> str:
 
 
 def _partial(path: Path) -> Path:
-    return path.with_name(path.name + ".partial")
+    """A name of this process's own: two that write one destination must not touch each other's file."""
+    return path.with_name(f"{path.name}.{os.getpid()}.partial")
 
 
 def _create(path: Path) -> h5py.File:

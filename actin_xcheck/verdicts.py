@@ -4,6 +4,7 @@ Single-mesh bounds are C_h h^2 + C_dt dt with slope constants stored in the scen
 themselves are the business of convergence studies.
 """
 
+import shlex
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Literal
@@ -13,7 +14,7 @@ import numpy as np
 from actin_xcheck.claims import Claim
 from actin_xcheck.geometry import INTERIOR_POINTS, quadrature_points, signed_areas
 from actin_xcheck.model import Array
-from actin_xcheck.prediction import fit_growth
+from actin_xcheck.prediction import fit_growth, leading_growth_rate
 from actin_xcheck.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene import Scene
 from actin_xcheck.store import Run
@@ -33,6 +34,14 @@ def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
 
 def _path(scene: Scene, method: str, what: str) -> str:
     return f"/runs/{scene.name}/{method}/{what}"
+
+
+def _command(scene: Scene, *runs: Run) -> str:
+    """What computes a claim's value again: the comparison of one scene at the same resolution."""
+    attributes = runs[0].attributes
+    methods = [word for run in runs for word in ("--method", str(run.attributes["method_name"]))]
+    numerics = ["--refine", str(attributes["refine"]), "--dt", repr(float(attributes["dt"]))]
+    return "python -m actin_xcheck " + shlex.join(["compare", scene.origin, *methods, *numerics])
 
 
 def _bound(bound: Bound, run: Run) -> tuple[float, str]:
@@ -82,7 +91,7 @@ class _Judge:
             statement,
             value,
             bound,
-            str(self.run.attributes["command"]),
+            _command(self.scene, self.run),
             _path(self.scene, self.method, what),
             note,
         )
@@ -107,10 +116,10 @@ class _Judge:
         expected = self.scene.expect.growth_rate
         assert expected is not None
         bound, note = _bound(expected.bound, self.run)
-        predicted, measured = float(self.run.attributes["growth_rate_predicted"]), np.nan
+        rate, measured = leading_growth_rate(self.scene.physics, expected.m, expected.n), np.nan
         if self._completed():
-            # a start at rest excites both roots of (3.6), an eigenmode one
-            exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode else 2
+            # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
+            exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode and not rate.imag else 2
             time, amplitude = self.run.series["time"], self.run.series["mode_amplitude"]
             try:
                 measured = float(fit_growth(time, amplitude, expected.window, exponentials).rate.real)
@@ -119,9 +128,9 @@ class _Judge:
             ) as error:  # too few samples, or no such exponentials in them: no number, no proof
                 note = f"{error}; {note}"
         return self._claim(
-            f"mode w_{expected.m}{expected.n} grows at the predicted rate {predicted:.4f} (relative error; "
+            f"mode w_{expected.m}{expected.n} grows at the predicted rate {rate.real:.4f} (relative error; "
             f"measured {measured:.4f})",
-            abs(measured / predicted - 1),
+            abs(measured - rate.real) / abs(rate.real) if rate.real else np.nan,
             bound,
             "run/series/mode_amplitude",
             note,
@@ -192,9 +201,9 @@ def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
 def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:
     """Whether two codes give the same concentration in the same material cells at the end."""
     (name, first), (other_name, second) = one, other
-    if scene.expect.agreement is None:
-        return
-    bound, note = _bound(scene.expect.agreement.bound, first)
+    bound, note = np.nan, "the scene states no bound: [expect.agreement] bound = { h2 = ... }"
+    if scene.expect.agreement is not None:
+        bound, note = _bound(scene.expect.agreement.bound, first)
     difference = np.nan
     if first.attributes["outcome"] == second.attributes["outcome"] == "completed":
         difference = cell_difference(first, second)
@@ -204,7 +213,7 @@ def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> It
         f"{other_name} agrees with {name} at the end (relative L2 difference of cell averages)",
         difference,
         bound,
-        f"{first.attributes['command']} && {second.attributes['command']}",
+        _command(scene, first, second),
         _path(scene, name, "VTKHDF/CellData/a"),
         note,
     )

@@ -113,7 +113,8 @@ class Recorder:
             "probe_x": probe_x,
         }
         if self.gauged:
-            row |= {"net_force": np.array(state.net_force), "net_torque": state.net_torque}
+            known = 1.0 if self.step else np.nan  # loads are those of a step: none has ended at t = 0
+            row |= {"net_force": known * np.array(state.net_force), "net_torque": known * state.net_torque}
         if self.amplitude is not None:
             row["mode_amplitude"] = self.amplitude(self.step, corners)
         self.writer.record(row)

@@ -40,7 +40,7 @@ def prolongation(closure: Closure, mesh: Mesh, x: Array) -> sp.csr_matrix:
     """Sparse map (2 N, n_free) from free unknowns to interleaved nodal vectors."""
     count = mesh.xi.shape[1]
     if closure is Closure.TRACTION_FREE:
-        # three pinned unknowns take the rigid motions out; `gauge` puts the right ones back
+        # three pinned unknowns take the rigid motions out; the force balance puts the right ones back
         far = int(mesh.rim_nodes[0])
         centre = int(np.argmin(np.hypot(*mesh.xi)))
         across = 2 * far + int(abs(mesh.xi[0, far]) >= abs(mesh.xi[1, far]))

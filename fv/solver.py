@@ -49,6 +49,8 @@ class FvDiamond:
         x = self.mechanics.start(xi + self.problem.u0(xi))
         points = quadrature_points(xi, self.mesh.triangles)
         a = self.problem.a0(points.reshape(2, -1)).reshape(points.shape[1:]).mean(axis=0)
+        if not orientation(self.mesh, 0.0, x).ok:  # the time loop will say so; there is nothing to fit
+            return FvState(0.0, x, a, np.zeros_like(x), corner_values=np.broadcast_to(a, (3, a.size)))
         corners = reconstruct(self.mesh.triangles, a, vertex_interpolation(self.faces, x) @ a)
         v = self.mechanics.velocity(0.0, x, corners)
         return FvState(0.0, x, a, v, corner_values=corners)

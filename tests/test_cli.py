@@ -198,4 +198,4 @@ def test_the_ill_posed_closure_is_warned_of_and_the_gauged_one_reports_its_loads
         assert ("Net torque" in page) == (closure == "traction-free")
     with h5py.File(tmp_path / "traction-free" / "n--fem-p1-paper.vtkhdf") as file:
         assert abs(file["run/series/net_force"][1, 0]) > 0.1
-        assert np.abs(file["run/series/net_torque"][:]).max() < 1e-10
+        assert np.abs(file["run/series/net_torque"][1:]).max() < 1e-10

@@ -37,6 +37,7 @@ bound = { h2 = 1.0 }
 origin = "a table"
 [expect.reference.bound]
 area = { dt = 1 }
+probe_a = { dt = 1 }
 [[expect.reference.at]]
 time = 0.6
 area = 3.1

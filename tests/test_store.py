@@ -180,8 +180,8 @@ def test_what_a_killed_process_leaves_opens_in_vtk_but_is_no_run(tmp_path: Path)
     command = [sys.executable, "-c", textwrap.dedent(script), str(path)]
     killed = subprocess.run(command, cwd=root, env=os.environ | {"PYTHONPATH": str(root)}, check=False)
     assert killed.returncode == -signal.SIGKILL
-    partial = tmp_path / "run.vtkhdf.partial"
-    assert [*tmp_path.iterdir()] == [partial]
+    (partial,) = tmp_path.iterdir()
+    assert partial.match("run.vtkhdf.*.partial")
     assert vtk_reader(partial).GetNumberOfSteps() == 2
     with pytest.raises(UserError, match="lacks outcome"):
         read_run(partial)

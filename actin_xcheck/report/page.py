@@ -73,11 +73,13 @@ def write_report(folder: Path) -> Path:
     )
     environment.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
     environment.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
+    environment.filters["from_json"] = json.loads
     html = environment.get_template("page.html").render(
         attributes=comparison.attributes,
         claims=_grouped(comparison),
-        failing=[claim for claim in comparison.claims if not claim.holds],
-        total=len(comparison.claims),
+        failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
+        total=sum(claim.judged for claim in comparison.claims),
+        unjudged=sum(not claim.judged for claim in comparison.claims),
         sections=_sections(comparison),
         versions=_versions(comparison),
     )
