@@ -89,7 +89,7 @@ def test_the_unperturbed_run_is_subtracted_where_it_moves():
         end=0.05,
         more='[model]\ndelta = "ring"\n',
     )
-    object.__setattr__(scene.expect, "growth_rate", load_scene("mode-11-wall").expect.growth_rate)
+    scene = scene.model_copy(update={"expect": load_scene("mode-11-wall").expect})
     _, amplitude = amplitudes(scene, FEM, 3, 0.005)
     assert amplitude[0] == pytest.approx(1e-6, rel=0.02)
     assert np.abs(amplitude).max() < 1e-5

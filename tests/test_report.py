@@ -32,7 +32,7 @@ source = "Fig. 14 <b>&</b> section 5.3.2"
 psi = 318.067
 p = 0.26
 [model]
-closure = "irrotational-wall"
+closure = "reference-normal"
 [initial]
 a = "1 + 0.1*abs(sin(x)*sin(y))"
 [time]
