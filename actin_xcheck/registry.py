@@ -10,6 +10,9 @@ from actin_xcheck.errors import UserError
 FORCE_BALANCE = "fem.force_balance:ForceBalance"
 """The one Mechanics that solves the force balance; finite volumes borrow it."""
 
+SPECTRUM = "fem.spectrum:Spectrum"
+"""Eigenvalues of the finite elements about the steady state."""
+
 
 @dataclass(frozen=True)
 class Method:

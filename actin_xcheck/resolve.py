@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from actin_xcheck.errors import UserError
 from actin_xcheck.expression import Expression, coordinates
 from actin_xcheck.geometry import Mesh, disk
 from actin_xcheck.model import Array, Delta
-from actin_xcheck.prediction import Mode, eigenfield
+from actin_xcheck.prediction import Eigenfield, eigenfield
 from actin_xcheck.scene import Scene
 from actin_xcheck.solver import Motion, Problem, Source
 
@@ -55,6 +56,14 @@ def starts_from_steady_state(scene: Scene) -> bool:
     return uniform and at_rest and not moved
 
 
+def mode_field(scene: Scene, m: int, n: int) -> Eigenfield:
+    """The eigenfield of a mode the scene names; UserError where its cell has no such mode."""
+    try:
+        return eigenfield(scene.physics, m, n)
+    except ValueError as error:
+        raise UserError(f"{scene.origin}: {error}") from None
+
+
 def _initial(scene: Scene, perturbed: bool) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """Initial concentration and displacement as functions of points (2, n) in the scene's frame."""
     initial, eigenmode = scene.initial, scene.initial.eigenmode
@@ -71,7 +80,7 @@ def _initial(scene: Scene, perturbed: bool) -> tuple[Callable[[Array], Array], C
 
     if not perturbed or eigenmode is None:
         return a, u
-    field, amplitude = eigenfield(scene.physics, Mode(eigenmode.m, eigenmode.n)), eigenmode.amplitude
+    field, amplitude = mode_field(scene, eigenmode.m, eigenmode.n), eigenmode.amplitude
     return lambda xi: a(xi) + amplitude * field.a(xi), lambda xi: u(xi) + amplitude * field.u(xi)
 
 

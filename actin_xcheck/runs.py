@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.model import Closure
 from actin_xcheck.motion import PrescribedMotion, RecordedMotion
-from actin_xcheck.prediction import leading_growth_rate
 from actin_xcheck.registry import FORCE_BALANCE, Method, find_method, load
-from actin_xcheck.resolve import mesh_of, resolve, starts_from_steady_state
+from actin_xcheck.resolve import mesh_of, mode_field, resolve, starts_from_steady_state
 from actin_xcheck.result import Outcome
 from actin_xcheck.scene import Scene
 from actin_xcheck.solver import Mechanics, Solver
@@ -122,6 +120,7 @@ def _attributes(
         "versions": json.dumps(versions),
         "commit": versions["commit"],
     }
-    if scene.mode is not None and scene.physics.closure is Closure.IRROTATIONAL_WALL:
-        attributes["growth_rate_predicted"] = leading_growth_rate(scene.physics, *scene.mode).real
+    if scene.mode is not None:
+        rate = mode_field(scene, *scene.mode).rate
+        attributes |= {"growth_rate_predicted": rate.real, "frequency_predicted": rate.imag}
     return attributes

@@ -79,9 +79,10 @@ class Scene(Table):
     @model_validator(mode="after")
     def _theory_applies(self) -> Self:
         rate = self.expect.growth_rate
-        if rate and self.model.closure is not Closure.IRROTATIONAL_WALL:
-            valid = f"should be '{Closure.IRROTATIONAL_WALL}' where [expect.growth_rate] is given"
-            raise mistake("model.closure", str(self.model.closure), valid)
+        for key, mode in {"initial.eigenmode": self.initial.eigenmode, "expect.growth_rate": rate}.items():
+            if mode and self.model.closure is Closure.IRROTATIONAL_WALL and (mode.m, mode.n) == (0, 1):
+                valid = "should be at least 2 for m = 0 beside a wall, since j'_{0,1} = 0 (A.1)"
+                raise mistake(f"{key}.n", 1, valid)
         if (rate or self.initial.eigenmode) and self.parameters.p and self.model.delta not in _CONSTANT:
             valid = f"should be {' or '.join(map(repr, _CONSTANT))} where p != 0 and a mode is given"
             raise mistake("model.delta", str(self.model.delta), valid)

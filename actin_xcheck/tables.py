@@ -129,16 +129,14 @@ class Switches(Table):
 
 
 class Mode(Table):
-    """Eigenmode w_mn of the unit disk, numbered as in A.1: j'_{0,1} = 0, so (0, 1) is not a mode."""
+    """A linear mode of the unit disk.
+
+    For `irrotational-wall` w_mn, numbered as in A.1; for the moving cell the n-th rate of angular number m by
+    decreasing real part, a conjugate pair counting once.
+    """
 
     m: int = Field(ge=0, le=100)
     n: int = Field(ge=1, le=100)
-
-    @model_validator(mode="after")
-    def _is_not_constant(self) -> Self:
-        if self.m == 0 and self.n == 1:
-            raise mistake("n", 1, "should be at least 2 for m = 0, since j'_{0,1} = 0 (A.1)")
-        return self
 
 
 class Eigenmode(Mode):

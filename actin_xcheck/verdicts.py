@@ -14,7 +14,7 @@ import numpy as np
 from actin_xcheck.claims import Claim
 from actin_xcheck.geometry import INTERIOR_POINTS, quadrature_points, signed_areas
 from actin_xcheck.model import Array
-from actin_xcheck.prediction import fit_growth, leading_growth_rate
+from actin_xcheck.prediction import fit_growth, growth_rate
 from actin_xcheck.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene import Scene
 from actin_xcheck.store import Run
@@ -116,21 +116,19 @@ class _Judge:
         expected = self.scene.expect.growth_rate
         assert expected is not None
         bound, note = _bound(expected.bound, self.run)
-        rate, measured = leading_growth_rate(self.scene.physics, expected.m, expected.n), np.nan
+        rate, measured = growth_rate(self.scene.physics, expected.m, expected.n), complex("nan")
         if self._completed():
             # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
             exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode and not rate.imag else 2
             time, amplitude = self.run.series["time"], self.run.series["mode_amplitude"]
             try:
-                measured = float(fit_growth(time, amplitude, expected.window, exponentials).rate.real)
-            except (
-                ValueError
-            ) as error:  # too few samples, or no such exponentials in them: no number, no proof
+                measured = fit_growth(time, amplitude, expected.window, exponentials).rate
+            except ValueError as error:  # too few samples, or no such exponentials: no number, no proof
                 note = f"{error}; {note}"
         return self._claim(
-            f"mode w_{expected.m}{expected.n} grows at the predicted rate {rate.real:.4f} (relative error; "
-            f"measured {measured:.4f})",
-            abs(measured - rate.real) / abs(rate.real) if rate.real else np.nan,
+            f"mode ({expected.m}, {expected.n}) grows at the predicted rate {_complex(rate)} "
+            f"(relative error; measured {_complex(measured)})",
+            abs(measured - rate) / abs(rate) if rate else np.nan,
             bound,
             "run/series/mode_amplitude",
             note,
@@ -157,6 +155,11 @@ class _Judge:
                     f"run/series/{quantity}",
                     f"{note}; {expected.origin}",
                 )
+
+
+def _complex(rate: complex) -> str:
+    """A growth rate, with its frequency where it has one."""
+    return f"{rate.real:.4f}" + (f" ± {rate.imag:.4f}i" if rate.imag else "")
 
 
 def l2_error(scene: Scene, run: Run) -> float:

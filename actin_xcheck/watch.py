@@ -7,8 +7,7 @@ import numpy as np
 from actin_xcheck import observables
 from actin_xcheck.geometry import INTERIOR_POINTS, Mesh, locate, quadrature_points, signed_areas
 from actin_xcheck.model import Array, Closure
-from actin_xcheck.prediction import Mode
-from actin_xcheck.resolve import turn_matrix
+from actin_xcheck.resolve import mode_field, turn_matrix
 from actin_xcheck.scene import Scene
 from actin_xcheck.solver import Move, Solver, State
 from actin_xcheck.store import RunWriter
@@ -51,7 +50,8 @@ class Corners:
 class Amplitude:
     """Amplitude of a mode in the difference to the unperturbed run, over the reference disk.
 
-    int (a - a_unperturbed) w dxi / int w^2 dxi with the mode w in the scene's frame.
+    int (a - a_unperturbed) w dxi / int w^2 dxi, w being the concentration of the mode's eigenfield at t = 0
+    in the scene's frame: w_mn itself for `irrotational-wall`.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ class Amplitude:
 
     def __init__(self, scene: Scene, mesh: Mesh, twin: list[Array] | None = None) -> None:
         assert scene.mode is not None
-        mode, points = Mode(*scene.mode), quadrature_points(mesh.xi, mesh.triangles)
-        w = mode.value(turn_matrix(scene).T @ points.reshape(2, -1)).reshape(points.shape[1:])
-        areas = signed_areas(mesh.xi, mesh.triangles)
-        self.functional = INTERIOR_POINTS.T @ (w * areas / 3) / mode.norm2
+        field, points = mode_field(scene, *scene.mode), quadrature_points(mesh.xi, mesh.triangles)
+        w = field.a(turn_matrix(scene).T @ points.reshape(2, -1)).reshape(points.shape[1:])
+        weights = w * signed_areas(mesh.xi, mesh.triangles) / 3
+        self.functional = INTERIOR_POINTS.T @ weights / (w * weights).sum()
         self.twin = twin
 
     def __call__(self, step: int, corners: Array) -> float:

@@ -105,17 +105,17 @@ class ForceBalance:
         """Subtract the uniform force and the torque per area that leave no net load on a free cell."""
         if self.model.closure is not Closure.TRACTION_FREE:
             return _Gauge(load)
-        rigid, weighted = self._rigid(x)
+        rigid, weighted = self.rigid(x)
         net = rigid.T @ load
         multipliers = np.linalg.solve(rigid.T @ weighted, net)
         return _Gauge(load - weighted @ multipliers, (float(net[0]), float(net[1])), float(net[2]))
 
     def _without_rigid_motion(self, x: Array, v: Array) -> Array:
         """Remove the area-weighted mean translation and rotation of v (2N,)."""
-        rigid, weighted = self._rigid(x)
+        rigid, weighted = self.rigid(x)
         return v - rigid @ np.linalg.solve(rigid.T @ weighted, weighted.T @ v)
 
-    def _rigid(self, x: Array) -> tuple[Array, Array]:
+    def rigid(self, x: Array) -> tuple[Array, Array]:
         """Rigid motions and their area-weighted images M r, both (2N, 3)."""
         rigid = rigid_motions(x, centroid(x, self.mesh.triangles))
         mass = forms.mass.assemble(self.bases.scalar.at(x))

@@ -7,6 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
+from actin_xcheck.scene import scene_text
+
 SERIES = {
     "time": (), "dt": (), "area": (), "total_actin": (), "balance_residual": (), "centroid": (2,),
     "polarity": (), "a_min": (), "a_max": (), "jacobian_min": (), "probe_a": (5,), "probe_x": (5, 2),
@@ -199,3 +201,10 @@ def test_the_ill_posed_closure_is_warned_of_and_the_gauged_one_reports_its_loads
     with h5py.File(tmp_path / "traction-free" / "n--fem-p1-paper.vtkhdf") as file:
         assert abs(file["run/series/net_force"][1, 0]) > 0.1
         assert np.abs(file["run/series/net_torque"][1:]).max() < 1e-10
+
+
+def test_a_mode_that_does_not_exist_is_one_line(tmp_path):
+    text = scene_text("mode-2-cell").replace("n = 1", "n = 40")
+    (tmp_path / "mine.toml").write_text(text)
+    done = cli("run", "mine.toml", "--method", "fem-p1-paper", "--out", "x.vtkhdf", cwd=tmp_path)
+    one_line(done, "mine.toml", "no mode (2, 40)")

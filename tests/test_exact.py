@@ -6,22 +6,13 @@ from itertools import count, takewhile
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-import scipy.sparse.linalg as spl
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import jv
-from skfem import BilinearForm
-from skfem.helpers import div, dot
 
-from actin_xcheck.geometry import disk
 from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import Parameters
 from actin_xcheck.prediction import DiskModes, Mode, growth_rates, threshold
-from actin_xcheck.prediction.dispersion import active_slope
-from fem import forms
-from fem.boundary import prolongation
-from fem.force_balance import ForceBalance
 from tests.test_cli import cli, one_line
 
 STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
@@ -117,46 +108,6 @@ def test_any_rates_are_zeros_in_pairs_and_as_many_as_counted(
     for rate in rates:
         around = modes.determinant(rate + 0.01 * (1 + abs(rate)) * np.exp(2j * np.pi * np.arange(8) / 8), jv)
         assert abs(modes.determinant(rate, jv)) < 1e-9 * np.abs(around).max()
-
-
-def rate_of_fem(model, refine, near):
-    """The eigenvalue nearest to `near` of the linearised semi-discrete system (B.21), (B.22) about a = 1.
-
-    lambda (A u) = -B u + f' L a and lambda (M a + D u) = -(M + d K) a with L the load of a unit of f.
-    """
-    mesh = disk(refine, 0.8)
-    balance = ForceBalance(model, mesh)
-    free = prolongation(model.closure, mesh, mesh.xi)
-    vector, scalar = balance.bases.vector_load.reference, balance.bases.scalar.reference
-    rim = balance.bases.rim.reference
-    elastic_step = [forms.network(model, dt).assemble(vector) for dt in (0.0, 1.0)]
-    A, B = (free.T @ matrix @ free for matrix in (elastic_step[0], elastic_step[1] - elastic_step[0]))
-    inside = BilinearForm(lambda a, w, _: -a * div(w)).assemble(scalar, vector)
-    on_rim = BilinearForm(lambda a, w, fields: a * dot(fields["n"], w)).assemble(
-        rim.with_element(scalar.elem), rim
-    )
-    L, D = (
-        free.T @ (inside + on_rim),
-        BilinearForm(lambda v, b, _: b * div(v)).assemble(vector, scalar) @ free,
-    )
-    M, K = forms.mass.assemble(scalar), forms.stiffness.assemble(scalar)
-    right = sp.block_array([[A, None], [D, M]]).tocsc()
-    left = sp.block_array([[-B, active_slope(model) * L], [None, -(M + model.parameters.d * K)]]).tocsc()
-    factor = spl.splu((left - near * right).tocsc())
-    inverse = spl.LinearOperator(left.shape, lambda y: factor.solve(right @ y), dtype=complex)
-    start = np.random.default_rng(0).normal(size=left.shape[0]).astype(complex)
-    return near + 1 / spl.eigs(inverse, k=1, v0=start, return_eigenvectors=False)[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("psi", "m"), [(270.0, 0), (270.0, 1), (240.0, 2), (500.0, 4)])
-def test_the_spectrum_of_the_finite_elements_converges_to_the_exact_one(psi, m):
-    """Normal closure at p = 0, complex pairs included: second order in h."""
-    model = replace(STRONG, parameters=Parameters(psi, 0.0))
-    exact = complex(DiskModes(model, m).rates(-0.05)[0])
-    errors = [abs(rate_of_fem(model, refine, exact + 0.01j) - exact) for refine in (3, 4, 5)]
-    assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.2), errors
-    assert errors[2] < 0.1 * abs(exact)
 
 
 def test_the_moving_cell_is_stable_where_the_article_has_its_bifurcation():

@@ -188,7 +188,6 @@ MISTAKES = [
     (WALL, "m = 1\n", "m = -1\n", "expect.growth_rate.m = -1: should be greater than or equal to 0"),
     (WALL, "[0, 1]", "[1, 1]", "expect.growth_rate.window = [1.0, 1.0]: should be [t0, t1] with 0 <= t0 <"),
     (WALL, "[0, 1]", "[0, 2]", "expect.growth_rate.window = [0.0, 2.0]: should be [t0, t1]"),
-    (WALL, "irrotational-wall", "traction-free", "model.closure = 'traction-free': should be"),
     (WALL, '"none"', '"ring"', "model.delta = 'ring': should be 'none' or 'full' where p != 0 and a mode is"),
     (MOVING, 'a = "1"\n', 'a = "1"\nu = ["0", "0"]\n', "initial.u = ['0', '0']: should not stand beside"),
     (MOVING, 'a = "1"\n', 'a = "1"\neigenmode = {m=1, n=1, amplitude=0.1}\n', "initial.eigenmode ="),

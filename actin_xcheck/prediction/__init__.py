@@ -4,17 +4,26 @@ Depends on the model alone; no solver is imported here and no solver imports thi
 """
 
 from actin_xcheck.prediction.dispersion import (
-    Eigenfield,
     Version,
+    WallEigenfield,
+    active_slope,
     coefficients,
-    eigenfield,
     growth_rates,
     isolated_modes,
     k2_crit,
     leading_growth_rate,
     printed_3_7,
     sigma_prime,
+    stiffness,
     unstable_modes,
+    wall_eigenfield,
+)
+from actin_xcheck.prediction.eigenfields import (
+    CellEigenfield,
+    Eigenfield,
+    cell_eigenfield,
+    eigenfield,
+    growth_rate,
 )
 from actin_xcheck.prediction.errata import ERRATA, TABLE_4_PRINTED, TABLE_6_PRINTED, Erratum, Table4Row
 from actin_xcheck.prediction.exact import DiskModes
@@ -32,6 +41,7 @@ __all__ = [
     "ERRATA",
     "TABLE_4_PRINTED",
     "TABLE_6_PRINTED",
+    "CellEigenfield",
     "DiskModes",
     "Eigenfield",
     "Erratum",
@@ -41,12 +51,16 @@ __all__ = [
     "Table4Row",
     "Threshold",
     "Version",
+    "WallEigenfield",
+    "active_slope",
     "amplitude_at_rest",
+    "cell_eigenfield",
     "coefficients",
     "count_below",
     "eigenfield",
     "extrapolate",
     "fit_growth",
+    "growth_rate",
     "growth_rates",
     "isolated_modes",
     "k2_crit",
@@ -54,8 +68,10 @@ __all__ = [
     "modes_below",
     "printed_3_7",
     "sigma_prime",
+    "stiffness",
     "table_6",
     "threshold",
     "unstable_modes",
+    "wall_eigenfield",
     "wavenumber",
 ]

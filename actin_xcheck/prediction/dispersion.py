@@ -173,7 +173,7 @@ def leading_growth_rate(model: Model, m: int, n: int) -> complex:
 
 
 @dataclass(frozen=True)
-class Eigenfield:
+class WallEigenfield:
     """A solution of the linearised equations: a = Re(e^{lambda t}) w, u = Re(C e^{lambda t}) grad w.
 
     Attributes
@@ -202,7 +202,7 @@ class Eigenfield:
         return (self.rate * self.factor * np.exp(self.rate * t)).real * self.mode.gradient(x)
 
 
-def eigenfield(model: Model, mode: Mode) -> Eigenfield:
+def wall_eigenfield(model: Model, mode: Mode) -> WallEigenfield:
     """Return the leading eigenfield of a mode: exact for closure `irrotational-wall` to first order.
 
     C follows from a_t - d Delta a + div v + k_a a = 0 with v = lambda u = lambda C grad w and so
@@ -212,7 +212,7 @@ def eigenfield(model: Model, mode: Mode) -> Eigenfield:
     """
     rate, k2 = leading_growth_rate(model, mode.m, mode.n), mode.k**2
     if k2 == 0:
-        return Eigenfield(mode, rate, 0j)
+        return WallEigenfield(mode, rate, 0j)
     if rate == 0:
         raise ValueError(f"the leading rate of {mode} is 0: no displacement belongs to its concentration")
-    return Eigenfield(mode, rate, (rate + model.reaction_rate() + model.parameters.d * k2) / (rate * k2))
+    return WallEigenfield(mode, rate, (rate + model.reaction_rate() + model.parameters.d * k2) / (rate * k2))

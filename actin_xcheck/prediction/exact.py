@@ -81,20 +81,29 @@ class DiskModes:
         `jve` keeps it in range along contours, `scipy.special.jv` makes it analytic.
         """
         z = np.asarray(rate, dtype=complex)
-        s1, s2, K, rho = self._moduli(z)
+        s1, s2, K, rho = self.moduli(z)
         reaction, d = self.model.reaction_rate(), self.model.parameters.d
-        m, slope = self.m, active_slope(self.model)
-        q = z + reaction - rho * slope / K
-        kappa = np.sqrt(-q / d)
-        j, dj = _regular(m, kappa, bessel)
+        q = z + reaction - rho * active_slope(self.model) / K
         closure = self.model.closure
-        if m == 0:  # da/dr = 0 leaves J_1(kappa)/kappa = 0 or a uniform state
+        if self.m == 0:  # da/dr = 0 leaves J_1(kappa)/kappa = 0 or a uniform state
+            kappa = np.sqrt(-q / d)
             expansion = z**0 if closure is Closure.IRROTATIONAL_WALL else s1 / 2 + s2
             return np.asarray(bessel(1, kappa) / kappa * (z + reaction) * expansion)
         if closure is Closure.IRROTATIONAL_WALL:
-            return dj
-        P, W = (z + reaction) * s1, 2 * K * q
-        U, V = ((m + 2) * P - m * W) / (4 * (m + 1)), ((m + 2) * W - m * P) / (4 * (m + 1))
+            return _regular(self.m, np.sqrt(-q / d), bessel)[1]
+        return _det(self.conditions(z, bessel)) / (K * q**2)
+
+    def conditions(self, z: ComplexArray, bessel: Bessel = jv) -> list[list[ComplexArray]]:
+        """Return the rim's conditions on (alpha, eta, C[, gamma]) at rates z: rows of arrays of z's shape.
+
+        For m = 0, which has no C, on (alpha, eta); not for `irrotational-wall`.
+        """
+        s1, s2, K, rho = self.moduli(z)
+        reaction, d = self.model.reaction_rate(), self.model.parameters.d
+        m, slope = self.m, active_slope(self.model)
+        q = z + reaction - rho * slope / K
+        j, dj = _regular(m, np.sqrt(-q / d), bessel)
+        P, U, V = self.swirl(z)
         zero, one = np.zeros_like(z), np.ones_like(z)
         ddj = -dj + (q / d + m**2) * j
         radial = [-slope * d * dj, U, m * one]
@@ -104,15 +113,24 @@ class DiskModes:
         dilation = [-slope * q * j, P, zero]
         no_flux = [K * q * dj, -m * rho * s1, zero]
         traction = [s1 * e + s2 * f for e, f in zip(radial_slope, dilation, strict=True)]
-        if closure is not Closure.TRACTION_FREE:
-            return _det([no_flux, angular, traction]) / (K * q**2)
+        if m == 0:
+            return [no_flux[:2], traction[:2]]
+        if self.model.closure is not Closure.TRACTION_FREE:
+            return [no_flux, angular, traction]
         shear = [t - u - m * r for t, u, r in zip(angular_slope, angular, radial, strict=True)]
         if m > 1:
-            return _det([no_flux, traction, shear]) / (K * q**2)
+            return [no_flux, traction, shear]
         # gamma: omega alone, in units of r sin theta; U = -1/8, V = 3/8
         mean = [-slope * d * j, (U - V) / 4, one, -one / 8]
-        rows = [[*no_flux, zero], [*traction, -s1 / 4], [*shear, one / 2], mean]
-        return _det(rows) / (K * q**2)
+        return [[*no_flux, zero], [*traction, -s1 / 4], [*shear, one / 2], mean]
+
+    def swirl(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """P, U and V of the displacement that belongs to the harmonic part h, per eta."""
+        s1, _, K, rho = self.moduli(z)
+        m, reaction = self.m, self.model.reaction_rate()
+        P = (z + reaction) * s1
+        W = 2 * (K * (z + reaction) - rho * active_slope(self.model))
+        return P, ((m + 2) * P - m * W) / (4 * (m + 1)), ((m + 2) * W - m * P) / (4 * (m + 1))
 
     def count(self, above: float) -> int:
         """Return how many growth rates have a real part > `above`; raises as `rates` does."""
@@ -151,7 +169,7 @@ class DiskModes:
         reach = factor * 2 * (force / (p.mu1 / 2) + 1 + abs(above))
         return above, reach, -reach, 1.0000003 * reach
 
-    def _moduli(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+    def moduli(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
         """s1, s2, K and rho."""
         p, one = self.model.parameters, np.ones_like(z)
         if self.model.rheology is Rheology.VISCOUS:

@@ -140,7 +140,8 @@ class Extrapolation:
     Attributes
     ----------
     limit : the extrapolated value; real or complex as the values were.
-    coefficients : of the error terms the data could determine, among "h^2", "dt", "dt^2", "h^4".
+    coefficients : of the error terms the data could determine, among "h^2", "dt", "dt^2", "h^4",
+        "h^2 dt".
     residual : root mean square of the misfit; round-off where no datum is left over.
     """
 
@@ -152,23 +153,30 @@ class Extrapolation:
 def extrapolate(h: ArrayLike, dt: ArrayLike, values: ArrayLike) -> Extrapolation:
     """Extrapolate values (n,), computed at mesh sizes h (n,) and steps dt (n,), to h = dt = 0.
 
-    Least squares with value = limit + c_h h^2 + c_t dt + c_tt dt^2 + c_hh h^4, where a term is kept only if
-    the data tell it from those before it: h^2 needs two mesh sizes, h^4 three, and so on.  Where h or dt was
-    not varied the limit still holds its error.  Raises ValueError unless the three arrays are of one length
-    of at least 2.
+    Least squares with value = limit + c_h h^2 + c_t dt + c_tt dt^2 + c_hh h^4 + c_ht h^2 dt, where a term is
+    kept only if the data tell it from those before it: h^2 needs two mesh sizes, h^4 three, and so on.  Where
+    h or dt was not varied the limit still holds its error.  Raises ValueError unless the three arrays are of
+    one length of at least 2.
     """
     h, dt, values = np.atleast_1d(h), np.atleast_1d(dt), np.atleast_1d(values)
     if not h.shape == dt.shape == values.shape or h.ndim != 1 or len(h) < 2:
         raise ValueError(f"h {h.shape}, dt {dt.shape} and values {values.shape} must be of one length >= 2")
     h_max, dt_max = float(h.max()), float(dt.max())
-    candidates = {"h^2": (h, h_max, 2), "dt": (dt, dt_max, 1), "dt^2": (dt, dt_max, 2), "h^4": (h, h_max, 4)}
+    H, T = h / h_max, dt / dt_max
+    candidates = {
+        "h^2": (H**2, h_max**2),
+        "dt": (T, dt_max),
+        "dt^2": (T**2, dt_max**2),
+        "h^4": (H**4, h_max**4),
+        "h^2 dt": (H**2 * T, h_max**2 * dt_max),
+    }
     scales: dict[str, float] = {}
     columns = np.ones((len(h), 1))
-    for name, (step, largest, power) in candidates.items():
-        wider = np.column_stack([columns, (step / largest) ** power])
+    for name, (term, scale) in candidates.items():
+        wider = np.column_stack([columns, term])
         # 1e-3: a term that close to the span of the others would only amplify their noise
         if wider.shape[1] <= len(h) and np.linalg.svd(wider, compute_uv=False)[-1] > 1e-3:
-            columns, scales[name] = wider, largest**power
+            columns, scales[name] = wider, scale
     solution = np.linalg.lstsq(columns, values, rcond=None)[0]
     misfit = float(np.sqrt(np.mean(np.abs(columns @ solution - values) ** 2)))
     limit, *slopes = solution.tolist()
