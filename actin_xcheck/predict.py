@@ -12,7 +12,7 @@ from rich.table import Table
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import DiskModes, threshold
+from actin_xcheck.prediction import DiskModes, lowest, threshold
 
 app = typer.Typer(no_args_is_help=True, help="Exact growth rates and thresholds of the disk, delta constant.")
 out = Console(soft_wrap=True, highlight=False)
@@ -87,7 +87,9 @@ def threshold_command(
     model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
     found = [threshold(model, number) for number in _numbers(m)]
     if as_json:
-        print(json.dumps({"thresholds": [vars(one) for one in found]}))
+        first = lowest(found)
+        least = None if first is None else {"m": first.m, "psi": first.psi, "crossing": first.crossing}
+        print(json.dumps({"thresholds": [vars(one) for one in found], "lowest": least}))
         return
     table = Table("m", "psi", "omega", "", box=None)
     for one in found:

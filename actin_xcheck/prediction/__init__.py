@@ -35,7 +35,7 @@ from actin_xcheck.prediction.growth import (
     fit_growth,
 )
 from actin_xcheck.prediction.modes import Mode, count_below, modes_below, table_6, wavenumber
-from actin_xcheck.prediction.threshold import Threshold, threshold
+from actin_xcheck.prediction.threshold import Threshold, lowest, threshold
 
 __all__ = [
     "ERRATA",
@@ -65,6 +65,7 @@ __all__ = [
     "isolated_modes",
     "k2_crit",
     "leading_growth_rate",
+    "lowest",
     "modes_below",
     "printed_3_7",
     "sigma_prime",

@@ -1,5 +1,6 @@
 """The smallest contractility psi at which a mode of the moving cell stops decaying."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +28,13 @@ class Threshold:
     psi: float | None
     omega: float | None
     reason: str = ""
+
+    @property
+    def crossing(self) -> str:
+        """How it crosses: as a "pair", a "real" rate, or "none"."""
+        if self.psi is None or self.omega is None:
+            return "none"
+        return "pair" if self.omega > 1e-6 else "real"
 
 
 def threshold(model: Model, m: int) -> Threshold:
@@ -58,3 +66,9 @@ def threshold(model: Model, m: int) -> Threshold:
     critical = modes(high).rates(0.0)
     leading = critical[np.argmax(critical.real)]
     return Threshold(m, high, abs(float(leading.imag)))
+
+
+def lowest(thresholds: Iterable[Threshold]) -> Threshold | None:
+    """Return psi*(p), the least of psi*(p, m) over m, with its mode; None where no mode has a threshold."""
+    found = [(one.psi, one) for one in thresholds if one.psi is not None]
+    return min(found, key=lambda pair: pair[0])[1] if found else None

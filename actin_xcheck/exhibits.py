@@ -1,0 +1,90 @@
+"""What a theory report or an audit shows, as data: curves, fields, maps, tables."""
+
+from dataclasses import dataclass
+
+from actin_xcheck.geometry import Indices
+from actin_xcheck.model import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One curve: points x (n,), y (n,) and what it is called; `points` draws markers without a line."""
+
+    label: str
+    x: Array
+    y: Array
+    points: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """Curves in one pair of axes; `marks` are abscissae with a name, such as the wave numbers of the disk."""
+
+    key: str
+    title: str
+    note: str
+    xlabel: str
+    lines: tuple[Line, ...]
+    marks: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A field on the unit disk: values (n_r, n_theta) on a polar grid that includes centre and rim."""
+
+    key: str
+    title: str
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A cell at one time: node positions x (2, N), triangles (3, n_cells), cell means values (n_cells,)."""
+
+    title: str
+    x: Array
+    triangles: Indices
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shots:
+    """Cells side by side in one window and one colour scale, each over the outline of the unit disk."""
+
+    key: str
+    title: str
+    note: str
+    shots: tuple[Shot, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """A map of a plane: codes (n_y, n_x) number the entries of `names`; `borders` are curves drawn on it.
+
+    x (n_x,) and y (n_y,) are the centres of its pixels; `labels` are names written into the bands at (x, y).
+    """
+
+    key: str
+    title: str
+    note: str
+    xlabel: str
+    ylabel: str
+    x: Array
+    y: Array
+    codes: Indices
+    names: tuple[str, ...]
+    borders: tuple[Line, ...] = ()
+    labels: tuple[tuple[str, float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of text, header first."""
+
+    key: str
+    title: str
+    note: str
+    rows: tuple[tuple[str, ...], ...]
+
+
+Exhibit = Plot | Picture | Shots | Regions | Sheet
