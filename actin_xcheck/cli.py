@@ -13,11 +13,14 @@ from rich.table import Table
 
 from actin_xcheck import compare as comparison
 from actin_xcheck import predict
+from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
+from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import CAVEATS
+from actin_xcheck.paper import paper_command
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
-from actin_xcheck.report import write_report
+from actin_xcheck.report import write_audit_page, write_report, write_theory_page
 from actin_xcheck.runs import numerics, run
 from actin_xcheck.scene import Scene, load_scene, scene_text, shipped_scenes
 
@@ -31,6 +34,7 @@ app = typer.Typer(
 scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped scenes, or show one.")
 app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
+app.command("paper")(paper_command)
 
 Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
@@ -145,8 +149,10 @@ def scenes_show(name: str) -> None:
 
 @app.command("report")
 def report_command(folder: Path) -> None:
-    """Write the HTML report of a comparison again, from its files alone."""
-    print(f"report: {write_report(folder)}")
+    """Write the HTML report of a comparison, an audit or predictions again, from its files alone."""
+    pages = {AUDIT_FILE: write_audit_page, PREDICTIONS_FILE: write_theory_page}
+    write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
+    print(f"report: {write(folder)}")
 
 
 def _command() -> str:

@@ -1,11 +1,7 @@
 """Scenes x methods -> runs, claims and one comparison file."""
 
-import multiprocessing
-import os
-import queue
 import shlex
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +10,9 @@ from actin_xcheck.claims import Claim
 from actin_xcheck.registry import Method
 from actin_xcheck.runs import numerics, run
 from actin_xcheck.scene import Scene
+from actin_xcheck.stepping import step_count
 from actin_xcheck.verdicts import judge
+from actin_xcheck.workers import Report, work_off
 
 DEFAULT_SCENES = ("mode-11-wall", "static-decay", "growing-disk", "fig14-four-fronts")
 DEFAULT_METHODS = ("fem-p1-paper", "fv-coupled")
@@ -38,16 +36,18 @@ class Job:
         return f"{self.scene.name} · {self.method.name}"
 
     @property
+    def cost(self) -> float:
+        """About how long it takes, in any unit: finite volumes take twice as long as finite elements."""
+        steps = step_count(self.dt, self.scene.output_times)
+        return steps * 4.0**self.refine * (1 if self.method.name.startswith("fem") else 2)
+
+    @property
     def command(self) -> str:
         """The command that makes this run again."""
         words = ["run", self.scene.origin, "--method", self.method.name, "--refine", str(self.refine)]
         return "python -m actin_xcheck " + shlex.join(
             [*words, "--dt", repr(self.dt), "--out", self.path.name]
         )
-
-
-Report = Callable[[str, int, int], None]
-"""Called with a job's label, its steps done and its steps in all."""
 
 
 def jobs_of(
@@ -79,7 +79,7 @@ def compare(
     -------
     The claims, scene by scene.
     """
-    _run_all(jobs, report)
+    run_all(jobs, report)
     claims: list[Claim] = []
     for scene in {job.scene.name: job.scene for job in jobs}.values():
         runs = {job.method.name: store.read_run(job.path) for job in jobs if job.scene.name == scene.name}
@@ -91,40 +91,18 @@ def compare(
     return claims
 
 
-def _run_all(jobs: Sequence[Job], report: Report) -> None:
-    """Run jobs in worker processes, those that take longest first, and pass their progress on."""
-    context = multiprocessing.get_context("spawn")
-    workers = min(len(jobs), os.cpu_count() or 1)
-    order = sorted(jobs, key=lambda job: (job.method.name.startswith("fem"), job.scene.motion is not None))
-    with context.Manager() as manager, ProcessPoolExecutor(workers, mp_context=context) as pool:
-        news = manager.Queue()
-        futures = [pool.submit(_work, job, news) for job in order]
-        try:
-            while not all(future.done() for future in futures):
-                _pass_on(news, report)
-            _pass_on(news, report)
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
-        for future in futures:
-            future.result()
+def run_all(jobs: Sequence[Job], report: Report) -> None:
+    """Run jobs on all cores, those that take longest first."""
+    work_off(_run, sorted(jobs, key=lambda job: job.cost, reverse=True), report)
 
 
-def _pass_on(news: "queue.Queue[tuple[str, int, int]]", report: Report) -> None:
-    try:
-        while True:
-            report(*news.get(timeout=0.2))
-    except queue.Empty:
-        return
-
-
-def _work(job: Job, news: "queue.Queue[tuple[str, int, int]]") -> None:
-    """One run in a worker process; progress is told about fifty times."""
-
-    def progress(done: int, total: int) -> None:
-        if done % max(1, total // 50) == 0 or done == total:
-            news.put((job.label, done, total))
-
-    run(job.scene, job.method, job.refine, job.dt, job.path, job.command, progress)
+def _run(job: Job, report: Report) -> None:
+    run(
+        job.scene,
+        job.method,
+        job.refine,
+        job.dt,
+        job.path,
+        job.command,
+        lambda done, total: report(job.label, done, total),
+    )

@@ -30,7 +30,10 @@ class Plot:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A field on the unit disk: values (n_r, n_theta) on a polar grid that includes centre and rim."""
+    """A field on the unit disk: values (n_r, n_theta) on a polar grid that includes centre and rim.
+
+    Radii are evenly spaced in [0, 1] and angles in [0, 2 pi], the last angle being the first again.
+    """
 
     key: str
     title: str
@@ -88,3 +91,13 @@ class Sheet:
 
 
 Exhibit = Plot | Picture | Shots | Regions | Sheet
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """Exhibits that belong together, with a title and a few words above them."""
+
+    key: str
+    title: str
+    note: str
+    exhibits: tuple[Exhibit, ...]

@@ -1,20 +1,30 @@
-"""`predict`: what theory says of a parameter set, as a table or as JSON."""
+"""`predict`: what theory says of a parameter set, as a table or as JSON, and all of it as a report."""
 
 import json
 import math
 import re
+import shlex
+import sys
+from datetime import datetime
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+from actin_xcheck.atlas.predictions import FILE_NAME, compute, write_predictions
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import Parameters
 from actin_xcheck.prediction import DiskModes, lowest, threshold
+from actin_xcheck.progress import Progress
+from actin_xcheck.report import write_theory_page
 
-app = typer.Typer(no_args_is_help=True, help="Exact growth rates and thresholds of the disk, delta constant.")
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Exact growth rates and thresholds of the disk, delta constant; a report of all linear theory.",
+)
 out = Console(soft_wrap=True, highlight=False)
 
 _DEFAULT = Parameters(psi=0.0, p=0.0)
@@ -96,6 +106,28 @@ def threshold_command(
         numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
         table.add_row(str(one.m), *numbers, one.reason)
     out.print(table)
+
+
+@app.command("report")
+def report_command(
+    out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Curves, modes, maps, thresholds and errata, as predictions.h5 and a page; takes a few minutes."""
+    folder = out_dir or Path("reports") / f"predict-{datetime.now():%Y%m%d-%H%M%S}"
+    if (folder / FILE_NAME).exists() and not force:
+        raise UserError(f"--out: {folder} holds predictions already; valid: another folder, or --force")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    for stale in (FILE_NAME, "index.html"):  # a page must never stand beside a file it is not made of
+        (folder / stale).unlink(missing_ok=True)
+    with Progress(quiet) as progress:
+        chapters = compute(progress.report)
+    write_predictions(folder / FILE_NAME, chapters, "python -m actin_xcheck " + shlex.join(sys.argv[1:]))
+    print(f"report: {write_theory_page(folder)}")
 
 
 def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:

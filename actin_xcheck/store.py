@@ -106,7 +106,7 @@ class RunWriter:
         self._shapes: dict[str, tuple[int, ...]] = {}
         self._file = _create(self._path)
         run = self._file.create_group("run")
-        _state(run, {"schema": SCHEMA, **attributes})
+        state(run, {"schema": SCHEMA, **attributes})
         self._series = run.create_group("series")
         vtkhdf.create(self._file, xi, triangles, delta)
 
@@ -134,7 +134,7 @@ class RunWriter:
         """State how the run ended and move the file to its destination."""
         self._write_rows()
         ending = (str(outcome.ending), outcome.message, wall_seconds)
-        _state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
+        state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
         self._file.close()
         os.replace(_partial(self._path), self._path)
 
@@ -161,7 +161,7 @@ def read_run(path: Path) -> Run:
     ------
     UserError : the file is missing, not HDF5, truncated, unfinished, not a run or of another schema.
     """
-    with _reading(path, "run") as file:
+    with reading(path, "run") as file:
         attributes = dict(file["run"].attrs)
         if missing := [name for name in (*RUN_ATTRIBUTES, *_ENDING) if name not in attributes]:
             raise KeyError(f"/run lacks {', '.join(missing)}")
@@ -183,17 +183,13 @@ def write_comparison(
     attributes : provenance and whatever else is stated about the whole; `date` (UTC) and `schema` are added.
     """
     path = Path(path)
-    file = _create(path)
-    with file:
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        _state(file, {"schema": SCHEMA, "date": now, **attributes})
+    with writing(path, attributes) as file:
         stated, linked = file.create_group("claims"), file.create_group("runs", track_order=True)
         for number, claim in enumerate(claims):
-            _state(stated.create_group(f"{number:03d}"), asdict(claim) | {"verdict": claim.verdict})
+            state(stated.create_group(f"{number:03d}"), asdict(claim) | {"verdict": claim.verdict})
         for name, run in runs.items():
             target = os.path.relpath(Path(run).resolve(), path.resolve().parent)
             linked[name] = h5py.ExternalLink(target, "/")
-    os.replace(_partial(path), path)
 
 
 def read_comparison(path: Path) -> Comparison:
@@ -203,7 +199,7 @@ def read_comparison(path: Path) -> Comparison:
     ------
     UserError : as `read_run`, for the comparison or for one of its runs.
     """
-    with _reading(path, "comparison") as file:
+    with reading(path, "comparison") as file:
         attributes = dict(file.attrs)
         claims = tuple(_claim(group.attrs) for group in file["claims"].values())
         links = {
@@ -258,7 +254,24 @@ def _create(path: Path) -> h5py.File:
 
 
 @contextmanager
-def _reading(path: Path, kind: str) -> Iterator[h5py.File]:
+def writing(path: Path, attributes: Attributes) -> Iterator[h5py.File]:
+    """Write a file other than a run, which appears at `path` when all is well and not at all otherwise.
+
+    Its attributes are `date` (UTC), `schema` and what is given.  UserError where it cannot be written.
+    """
+    file = _create(path)
+    try:
+        with file:
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            state(file, {"schema": SCHEMA, "date": now, **attributes})
+            yield file
+        os.replace(_partial(path), path)
+    finally:
+        _partial(path).unlink(missing_ok=True)
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[h5py.File]:
     """Open a file of this schema; whatever proves it to be none becomes one line."""
     if not Path(path).is_file():
         raise UserError(f"{path}: no such file; expected a {kind} written by actin_xcheck")
@@ -273,7 +286,7 @@ def _reading(path: Path, kind: str) -> Iterator[h5py.File]:
         raise UserError(f"{path}: not a whole {kind} written by actin_xcheck ({reason})") from error
 
 
-def _state(group: h5py.Group, attributes: Mapping[str, Any]) -> None:
+def state(group: h5py.Group, attributes: Mapping[str, Any]) -> None:
     """Write attributes; text (and tuples of it) as variable-length UTF-8."""
     for name, value in attributes.items():
         text = isinstance(value, str | tuple)

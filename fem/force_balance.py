@@ -1,20 +1,20 @@
 """The force balance (B.21) as a Mechanics: it takes a concentration and moves the nodes."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from skfem.helpers import div
 
 from actin_xcheck.geometry import Mesh
-from actin_xcheck.linear import solve
+from actin_xcheck.linear import SymmetricSolver
 from actin_xcheck.model import Array, Closure, Model, Rheology
 from actin_xcheck.observables import centroid
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 from actin_xcheck.solver import Move
-from fem import forms
-from fem.boundary import prolongation, rigid_motions, settle
-from fem.mesh import Bases, interleave, separate
+from fem.boundary import Constraint, rigid_motions, settle
+from fem.mesh import Bases, separate
+from fem.space import Space
 
 
 @dataclass(frozen=True)
@@ -42,17 +42,26 @@ class ForceBalance:
     ----------
     model : constitutive laws, rheology, closure and delta.
     mesh : the reference mesh; displacements are u = x - xi.
+    order : k of the elements P_k.
     """
 
-    def __init__(self, model: Model, mesh: Mesh) -> None:
+    def __init__(self, model: Model, mesh: Mesh, order: int = 1) -> None:
         self.model = model
         self.mesh = mesh
-        self.bases = Bases.on(mesh)
+        self.space = Space.on(mesh, order, model.parameters.l0)
         self.delta = model.delta_on_cells(mesh.centroids)
+        self.constraint = Constraint(model.closure, self.space)
+        free = self.constraint.pattern
+        self._solver = SymmetricSolver(free.rows, free.columns, self.constraint.parts)
+
+    @cached_property
+    def bases(self) -> Bases:
+        """The same space in scikit-fem's terms, for forms that are assembled once."""
+        return Bases.on(self.mesh)
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
-        return settle(self.model.closure, self.mesh, x)
+        return settle(self.model.closure, self.space, x)
 
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the nodes from x (2, N) at t by one step of (B.23a) under corner values (3, n_cells)."""
@@ -61,7 +70,7 @@ class ForceBalance:
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
         v, gauge, outcome = self._rates(x, system)
-        settled = settle(self.model.closure, self.mesh, x + dt * v)
+        settled = settle(self.model.closure, self.space, x + dt * v)
         return Move(settled, v, outcome, gauge.force, gauge.torque)
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
@@ -70,36 +79,40 @@ class ForceBalance:
 
     def displacement(self, x: Array) -> Array:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
-        return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
+        return x - self.space.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
     def _rates(self, x: Array, system: _System) -> tuple[Array, _Gauge, Outcome]:
         gauge = self._balanced(x, system.load)
-        free = prolongation(self.model.closure, self.mesh, x)
-        q, outcome = solve(free.T @ system.matrix @ free, free.T @ gauge.load)
-        v = free @ q
+        constraint, weights = self.constraint, self.constraint.weights(x)
+        reduced = constraint.reduce(weights, system.matrix)
+        q, outcome = self._solver.solve(reduced, constraint.restrict(weights, gauge.load))
+        v = weights * q[constraint.unknown]
         if self.model.closure is Closure.TRACTION_FREE:
             v = self._without_rigid_motion(x, v)
         return separate(v), gauge, outcome
 
     def assemble(self, x: Array, corners: Array, dt: float) -> _System:
         """Return A + dt B, F - B u and the dilation on the configuration x, unconstrained."""
-        model, u = self.model, interleave(self.displacement(x))
-        matrix = forms.network(model, dt).assemble(self.bases.vector.at(x))
-        inside, rim = self.bases.vector_load.at(x), self.bases.rim.at(x)
-        a_inside, a_rim = (
-            np.asarray(basis.interpolate(corners.T.ravel()))
-            for basis in (self.bases.corners_load, self.bases.corners_rim)
-        )
-        u_inside, u_rim = inside.interpolate(u), rim.interpolate(u)
-        f_inside = model.active_stress(a_inside, div(u_inside), self.delta[:, None])
-        f_rim = model.active_stress(a_rim, div(u_rim), model.delta_on_rim())
-        load = forms.active_load(model).assemble(inside, f=f_inside, u=u_inside)
-        load += forms.rim_load.assemble(rim, f=f_rim)
+        inside, rim = self.space.inside, self.space.on_rim
+        return self.system(x, inside.blend(corners), rim.blend(corners[:, self.space.rim_cells]), dt)
+
+    def system(self, x: Array, a: Array, a_rim: Array, dt: float) -> _System:
+        """Return the same for concentrations at the points of the cells (q, e) and of the rim."""
+        model, space, u = self.model, self.space, self.displacement(x)
+        (mu1, mu2), (one, nu_prime) = model.viscous_moduli(), model.elastic_moduli()
+        entries = space.gradients.at(x).isotropic((mu1 + dt * one, mu2 + dt * nu_prime))
+        inside, rim = space.inside.at(x), space.on_rim.at(x)
+        strain, dilation = inside.strain(u)
+        f = model.active_stress(a, dilation, self.delta)
+        load = space.vectors.vector(-inside.stress_load(f + nu_prime * dilation, one * strain))
+        _, rim_dilation = rim.strain(u)
+        rim_load = rim.normal_load(model.active_stress(a_rim, rim_dilation, model.delta_on_rim()))
         if model.closure is Closure.IRROTATIONAL_WALL:
-            (mu1, _), (one, _) = model.viscous_moduli(), model.elastic_moduli()
-            matrix = matrix + forms.slip_friction(mu1 + dt * one).assemble(rim)
-            load -= forms.slip_friction(one).assemble(rim) @ u
-        return _System(matrix, load, div(u_inside).min(axis=1))
+            friction = rim.friction()
+            entries[..., space.rim_cells] += (mu1 + dt * one) * friction  # no cell has two rim edges
+            rim_load -= one * np.einsum("aibje,jbe->aie", friction, u[:, space.on_rim.cells])
+        load += space.rim_vectors.vector(rim_load)
+        return _System(space.vectors.matrix(entries), load, dilation.min(axis=0))
 
     def _balanced(self, x: Array, load: Array) -> _Gauge:
         """Subtract the uniform force and the torque per area that leave no net load on a free cell."""
@@ -118,7 +131,7 @@ class ForceBalance:
     def rigid(self, x: Array) -> tuple[Array, Array]:
         """Rigid motions and their area-weighted images M r, both (2N, 3)."""
         rigid = rigid_motions(x, centroid(x, self.mesh.triangles))
-        mass = forms.mass.assemble(self.bases.scalar.at(x))
+        mass = self.space.scalars.matrix(self.space.inside.at(x).mass())
         return rigid, sp.kron(mass, sp.identity(2), format="csr") @ rigid
 
     def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:

@@ -6,14 +6,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from actin_xcheck.geometry import Mesh, integral, orientation
-from actin_xcheck.linear import solve
+from actin_xcheck.linear import SymmetricSolver
 from actin_xcheck.model import Array
 from actin_xcheck.observables import area, balance_residual
 from actin_xcheck.result import Outcome
 from actin_xcheck.solver import Mechanics, Problem, State
-from fem import forms
-from fem.force_balance import ForceBalance
-from fem.mesh import Bases
+from fem.space import Space
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,9 @@ class FemP1Paper:
         self.problem = problem
         self.mesh = mesh
         self.mechanics = mechanics
-        self.bases = mechanics.bases if isinstance(mechanics, ForceBalance) else Bases.on(mesh)
+        self.space = Space.on(mesh, 1, problem.model.parameters.l0)
+        pattern = self.space.scalars.pattern
+        self._solver = SymmetricSolver(pattern.rows, pattern.columns, self.space.parts)
 
     def init(self) -> FemState:
         """Interpolate the initial data on the mesh (B.5.1)."""
@@ -63,11 +63,12 @@ class FemP1Paper:
     def _transport(self, old: FemState, new: FemState, dt: float) -> tuple[FemState, Outcome]:
         """((1 + dt) M + dt d K)(t+dt) a = M(t) (a + dt) (B.23b), plus dt times the source at t + dt."""
         rate, d = self.problem.model.reaction_rate(), self.problem.model.parameters.d
-        mass = self._mass(new.x)
-        stiffness = forms.stiffness.assemble(self.bases.scalar_gradient.at(new.x))
+        space, mass = self.space, self._mass(new.x)
         source = self._source(new.t, new.x)
         rhs = old.mass @ (old.a + dt * rate) + dt * source
-        a, outcome = solve((1 + dt * rate) * mass + dt * d * stiffness, rhs)
+        entries = (1 + dt * rate) * space.inside.at(new.x).mass()
+        entries += dt * d * space.gradients.at(new.x).stiffness()
+        a, outcome = self._solver.solve(space.scalars.matrix(entries), rhs)
         triangles = self.mesh.triangles
         residual = balance_residual(
             dt,
@@ -80,12 +81,11 @@ class FemP1Paper:
         return replace(new, a=a, mass=mass, balance_residual=residual), outcome
 
     def _mass(self, x: Array) -> sp.csr_matrix:
-        return forms.mass.assemble(self.bases.scalar.at(x))
+        return self.space.scalars.matrix(self.space.inside.at(x).mass())
 
     def _source(self, t: float, x: Array) -> Array:
         if self.problem.source is None:
             return np.zeros(x.shape[1])
-        basis = self.bases.scalar.at(x)
-        place = np.asarray(basis.global_coordinates())
-        origin = np.asarray(self.bases.scalar.at(self.mesh.xi).global_coordinates())
-        return forms.source.assemble(basis, s=self.problem.source(place, origin, t))
+        rule = self.space.inside
+        place, origin = (rule.blend(nodes[:, rule.cells]) for nodes in (x, self.space.xi))
+        return self.space.scalars.vector(rule.at(x).load(self.problem.source(place, origin, t)))

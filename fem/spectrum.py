@@ -10,7 +10,6 @@ from skfem.helpers import div, dot
 from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Closure, Model, Rheology
 from fem import forms
-from fem.boundary import prolongation
 from fem.force_balance import ForceBalance
 
 
@@ -72,7 +71,7 @@ class Spectrum:
         load = slope * (_load_inside.assemble(scalar, inside) + on_rim)
         mass, stiffness = forms.mass.assemble(scalar), forms.stiffness.assemble(scalar)
         decay = model.reaction_rate() * mass + model.parameters.d * stiffness
-        free = prolongation(model.closure, mesh, still)
+        free = balance.constraint.prolongation(still)
         dilution, A = _dilution.assemble(inside, scalar) @ free, free.T @ viscosity @ free
         if model.rheology is Rheology.VISCOUS:
             loads = sp.hstack([-viscosity @ free, load])

@@ -7,7 +7,6 @@ from actin_xcheck.model import Array, Delta, Model
 from actin_xcheck.parameters import Parameters
 from actin_xcheck.prediction import (
     TABLE_4_PRINTED,
-    Mode,
     Version,
     coefficients,
     eigenfield,
@@ -55,7 +54,7 @@ def _contractility() -> Plot:
 def _pressure() -> Plot:
     a, model = np.linspace(0, 8, 201), Model(Parameters(0.0, 0.26))
     lines = tuple(
-        Line(f"δ = {delta}", a, model.pressure(a, np.zeros_like(a), delta) + 0 * a) for delta in (1.0, 0.0)
+        Line(f"δ = {delta:g}", a, model.pressure(a, np.zeros_like(a), delta) + 0 * a) for delta in (1.0, 0.0)
     )
     return Plot("fig02", "Fig. 2: pressure p(a) (2.5)", "p = 0.26, without dilation", "a", lines)
 
@@ -79,7 +78,8 @@ def _relation(key: str, model: Model, words: str) -> list[Plot]:
         for symbol, value in zip("bc", values, strict=True)
     )
     rates = {str(version): growth_rates(model, k2, version)[0] for version in Version}
-    rates["(3.7) as printed"] = printed_3_7(model, k2)[0]
+    # it diverges towards k = 0, which would leave no room for the others
+    rates["(3.7) as printed, k² > 1.5"] = np.where(k2 > 1.5, printed_3_7(model, k2)[0], np.nan)
     return [
         Plot(f"{key}a", f"{name}a: b and c of (3.6)", where, "k²", curves, _FIRST),
         *(
@@ -122,12 +122,18 @@ def pictures() -> list[Picture]:
         return values.reshape(r.shape)
 
     w = {str(mode): on_grid(mode.value(x)) for mode in TABLE_4_PRINTED[-1].modes if mode.k > 0}
-    shown = [Picture(f"fig{'04' if name == 'w1,1' else '05'}-{name}", name, a) for name, a in w.items()]
+    also = {"w0,2": ", 7a", "w4,1": ", 9a", "w2,1": ", 9d"}
+    shown = [
+        Picture("fig04", "Fig. 4: w1,1", w.pop("w1,1")),
+        *(
+            Picture(f"fig05-{name}", f"Fig. 5{also.get(name, '')}: {name}", values)
+            for name, values in w.items()
+        ),
+    ]
     w02, w21, w31 = w["w0,2"], w["w2,1"], w["w3,1"]
     shown += [
-        Picture("fig08a", "w0,2 + 2 w2,1", w02 + 2 * w21),
-        Picture("fig08d", "w3,1 − w0,2 − 3 w2,1", w31 - w02 - 3 * w21),
-        Picture("fig07a", "−w0,2", -Mode(0, 2).value(x).reshape(r.shape)),
+        Picture("fig08a", "Fig. 8a: w0,2 + 2 w2,1", w02 + 2 * w21),
+        Picture("fig08d", "Fig. 8d: w3,1 − w0,2 − 3 w2,1", w31 - w02 - 3 * w21),
     ]
     cell = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
     return shown + [

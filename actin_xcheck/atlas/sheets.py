@@ -1,11 +1,11 @@
-"""Tables of a theory report: exact modes against the article's, thresholds, and the finite elements' own spectrum."""
+"""Tables of a theory report: exact modes, thresholds, the finite elements' own spectrum, errata."""
 
 from dataclasses import replace
 
 from actin_xcheck.exhibits import Sheet
 from actin_xcheck.model import Closure, Delta, Model
 from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import TABLE_4_PRINTED, DiskModes, lowest, threshold
+from actin_xcheck.prediction import ERRATA, TABLE_4_PRINTED, DiskModes, lowest, threshold
 from actin_xcheck.spectra import discrete_rates, discrete_threshold
 
 CELLS = (Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE)
@@ -17,7 +17,7 @@ _SPECTRUM = ((0, 270.0), (1, 270.0), (2, 270.0), (3, 300.0), (4, 500.0))
 
 _MESHES = (4, 5, 6)
 _PRINTED = 62.4
-"""The article's bifurcation point at p = 0.26."""
+"""Where the article has w1,1 alone grow at p = 0.26 (A.1.1, Table 4), and computes a cell."""
 
 
 def modes_sheet() -> Sheet:
@@ -33,8 +33,8 @@ def modes_sheet() -> Sheet:
     return Sheet(
         "modes",
         "Growing modes at the ψ of Table 4",
-        "p = 0.26, δ = 0; leading exact rate of each angular number. The wall is the problem the article analyses, "
-        "the others are the cell it computes. Every list is proved complete.",
+        "p = 0.26, δ = 0; leading exact rate of each angular number. The wall is the problem the article "
+        "analyses, the others are the cell it computes. Every list is proved complete.",
         tuple(rows),
     )
 
@@ -49,16 +49,17 @@ def spectrum_sheet() -> Sheet:
     return Sheet(
         "spectrum",
         "The finite elements' own spectrum",
-        "p = 0, δ = 0, normal closure: generalised eigenvalues of the semi-discrete system (B.21), (B.22) about a = 1. "
-        "Orders are those of the rate, for a conjugate pair of its mean and product.",
+        "p = 0, δ = 0, normal closure: generalised eigenvalues of the semi-discrete system (B.21), (B.22) "
+        "about a = 1. Orders are those of the rate, for a conjugate pair of its mean and product.",
         tuple(rows),
     )
 
 
 def threshold_sheet(closure: Closure) -> Sheet:
-    """Return psi* per angular number at p = 0.26, delta = 0, exact and by bisection on the finite elements."""
+    """Return psi* per angular number at p = 0.26, exact and by a bracketed search on the finite elements."""
     model = Model(Parameters(0.0, 0.26), closure=closure, delta=Delta.NONE)
-    rows = [("m", "ψ*", "ω", "545 nodes", "2113 nodes", "extrapolated", "off by", f"ψ*/{_PRINTED}")]
+    columns = ("m", "ψ*", "ω", "545 nodes", "2113 nodes", "extrapolated", "off by", f"ψ*/{_PRINTED}")
+    rows = [(*columns, "ψ*, δ = 1")]
     exact = [threshold(model, m) for m in NUMBERS]
     for one in exact:
         assert one.psi is not None  # at this p every angular number has one
@@ -74,6 +75,7 @@ def threshold_sheet(closure: Closure) -> Sheet:
                 f"{limit:.3f}",
                 f"{limit / one.psi - 1:+.2%}",
                 f"{one.psi / _PRINTED:.2f}",
+                f"{threshold(replace(model, delta=Delta.FULL), one.m).psi:.4f}",
             )
         )
     first = lowest(exact)
@@ -82,11 +84,20 @@ def threshold_sheet(closure: Closure) -> Sheet:
     return Sheet(
         f"thresholds-{closure}",
         f"Where modes set in: {closure}",
-        f"p = 0.26, δ = 0. The cell first loses stability at ψ* = {first.psi:.3f} (m = {first.m}, as a "
-        f"{first.crossing}); the article has w1,1 at {_PRINTED}, and its own static wall at {wall.psi:.3f}. "
-        "Finite elements: bracketed search on their eigenvalues, two meshes, Richardson.",
+        f"p = 0.26, δ = 0 but for the last column. The cell first loses stability at ψ* = {first.psi:.3f} "
+        f"(m = {first.m}, as a {first.crossing}). The article has w1,1 grow at {_PRINTED}; on its static "
+        f"wall it does from {wall.psi:.3f}. Finite elements: bracketed search on their eigenvalues, two "
+        "meshes, Richardson.",
         tuple(rows),
     )
+
+
+def errata_sheet() -> Sheet:
+    """Return the article's errata that concern its theory, printed beside corrected."""
+    rows = [("cause", "where", "printed", "corrected", "reason")]
+    rows += [(str(one.number), one.where, one.printed, one.corrected, one.reason) for one in ERRATA]
+    note = "Computed where they are numbers. Entries with one number have one cause."
+    return Sheet("errata", "Printed and corrected", note, tuple(rows))
 
 
 def _rate(rate: complex) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from actin_xcheck.audit.simulations.studies import Study
 from actin_xcheck.exhibits import Exhibit
 
 
@@ -44,17 +45,19 @@ class Finding:
 
 @dataclass(frozen=True)
 class Row:
-    """One statement of the article that theory alone can examine.
+    """One statement of the article.
 
     Attributes
     ----------
     key : what `--only` takes: "eq3.6", "table4", "fig21"; sentences by their section, "s5.4-failure".
     place : where it stands, for the reader: "(3.6)", "Table 4", "Section 5.4".
     statement : what the article says.
-    examine : computes the finding; a second or two at most.
+    examine : computes the finding in a few seconds, from the `Evidence` of each study, in their order.
+    studies : the simulations it needs; none where theory alone decides.
     """
 
     key: str
     place: str
     statement: str
-    examine: Callable[[], Finding]
+    examine: Callable[..., Finding]
+    studies: tuple[Study, ...] = ()

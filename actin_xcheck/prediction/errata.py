@@ -163,6 +163,20 @@ def _table_6() -> list[Erratum]:
     ]
 
 
+def _squares() -> list[Erratum]:
+    """Wave numbers in the captions of Figs. 21 and 22: squares of zeros already rounded."""
+    return [
+        Erratum(
+            4,
+            where,
+            f"k²_{{{m},1}} = {printed}",
+            f"k²_{{{m},1}} = {wavenumber(m, 1) ** 2:.5f}",
+            f"j'_{{{m},1}} = {wavenumber(m, 1):.8f} was rounded to five decimals before it was squared.",
+        )
+        for where, m, printed in (("Figs. 21, 22", 1, "3.38994"), ("Fig. 22", 2, "9.32838"))
+    ]
+
+
 def _numbering() -> list[Erratum]:
     """Erratum 4: what follows from counting j'_{0,1} = 0, and signs and words nearby."""
     at_zero = growth_rates(Model(Parameters(psi=270.0, p=0.0), delta=Delta.NONE), 0.0)[0].real
@@ -188,6 +202,14 @@ def _numbering() -> list[Erratum]:
             "Hopf instability: Re λ < 0 and Im λ > 0",
             "damped oscillation",
             "with Re λ < 0 the steady state is stable.",
+        ),
+        *_squares(),
+        Erratum(
+            4,
+            "A.1.1",
+            "any linear combination of eigenmodes solves the eigenvalue problem",
+            "it solves the linearised equations (3.3), each part with its own rate",
+            f"w0,2 has {wavenumber(0, 2) ** 2:.4f}, w2,1 {wavenumber(2, 1) ** 2:.4f}: no k² fits their sum.",
         ),
         *_table_6(),
     ]

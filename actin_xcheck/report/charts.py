@@ -1,48 +1,18 @@
-"""Charts over time, all runs of a scene together: SVG that takes its ink from the page.
+"""Charts over time, all runs of a scene together."""
 
-Lines of different codes mostly coincide, so each method is drawn thinner than the one before, on top of it.
-"""
-
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import StringIO
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from actin_xcheck.model import Array
+from actin_xcheck.report.svg import INK, STYLES, calm, styled, svg
 from actin_xcheck.store import Run
 
-_INK, _GRID = "#0d0e0f", "#d0d1d2"  # stand-ins, replaced by the page's own colours
-_STYLE = {
-    "svg.fonttype": "none",  # real text: small, selectable, in the page's font
-    "svg.hashsalt": "actin_xcheck",  # the same files give the same page
-    "font.size": 9,
-    **{name: _INK for name in ("text.color", "axes.labelcolor", "xtick.color", "ytick.color")},
-    "axes.edgecolor": _GRID,
-    "axes.grid": True,
-    "grid.color": _GRID,
-    "grid.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.limits": (-3, 4),  # labels short enough for their margin
-}
 _ROUND_OFF = 1e-17
 """Residuals below it, exact zeros above all, are drawn here: a logarithm has no place for them."""
-
-
-@dataclass(frozen=True)
-class Style:
-    """How one method is drawn, in charts and in the legend beside them."""
-
-    colour: str
-    width: float
-
-
-STYLES = (Style("#5b9bf0", 3.6), Style("#e4572e", 1.5), Style("#2a9d6e", 1.2), Style("#a463c9", 1.0))
 
 
 @dataclass(frozen=True)
@@ -92,7 +62,7 @@ def charts(runs: Sequence[Run], prefix: str) -> list[Chart]:
     """Return the charts of one scene; `prefix` keeps ids apart from those of other scenes on the page."""
     measured = {name for run in runs for name in run.series}
     quantities = [q for q in (_GROWTH, *_QUANTITIES, *_GAUGED) if measured.issuperset(q.series)]
-    with mpl.rc_context(_STYLE):
+    with styled():
         return [_chart(quantity, runs, f"{prefix}-{i}") for i, quantity in enumerate(quantities)]
 
 
@@ -117,39 +87,17 @@ def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
                 axes, time, np.abs(quantity.lines(run)[0]), float(run.attributes["growth_rate_predicted"])
             )
     if not quantity.log:
-        _calm(axes)
+        calm(axes)
     return Chart(
         quantity.title,
         quantity.note,
         f"/run/series/{', '.join(quantity.series)}",
-        _svg(figure, quantity.title, prefix),
+        svg(figure, f"{quantity.title} over time", prefix),
     )
 
 
 def _predict(axes: Axes, time: Array, amplitude: Array, rate: float) -> None:
     """Draw exp(rate t) through the first amplitude."""
     axes.plot(
-        time, amplitude[0] * np.exp(rate * time), color=_INK, linewidth=1.1, linestyle=(0, (1, 2.2)), zorder=3
+        time, amplitude[0] * np.exp(rate * time), color=INK, linewidth=1.1, linestyle=(0, (1, 2.2)), zorder=3
     )
-
-
-def _calm(axes: Axes) -> None:
-    """Keep the value axis from magnifying round-off: it spans at least 1e-9 of what it shows."""
-    low, high = axes.get_ylim()
-    least = 1e-9 * max(1.0, abs(low), abs(high))
-    if high - low < least:
-        middle = (low + high) / 2
-        axes.set_ylim(middle - least / 2, middle + least / 2)
-
-
-def _svg(figure: Figure, title: str, prefix: str) -> str:
-    """The figure as an SVG element with ids of its own, its ink and grid left to the page's style sheet."""
-    buffer = StringIO()
-    figure.savefig(
-        buffer, format="svg", transparent=True, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    )
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{prefix}-", text)
-    text = text.replace(_INK, "currentColor").replace(_GRID, "var(--line)")
-    return text.replace("<svg ", f'<svg role="img" aria-label="{title} over time" ', 1)

@@ -1,37 +1,26 @@
-"""Film strips: the deforming cell at the output times, one row per method and one per FV - FEM difference.
+"""Film strips: the deforming cell at the output times, one row per method and one per FV - FEM difference."""
 
-Pictures hold no text, which is left to HTML: it can be selected and follows the reader's theme.
-"""
-
-from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Normalize, to_hex
-from matplotlib.figure import Figure
 
-from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Array
+from actin_xcheck.report.cells import (
+    DIVERGING,
+    SEQUENTIAL,
+    Brush,
+    ColourBar,
+    Colours,
+    Panel,
+    Window,
+    closed_rim,
+    span,
+    window,
+)
 from actin_xcheck.store import Run
 
 MAX_COLUMNS = 5
-
-_WIDTH = 2.2  # inches
-_DPI = 120
-_OUTLINE = "#8a8f98"  # seen on white and on black
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One picture: PNG in base64, what it shows in words, and the range of its values."""
-
-    png: str
-    alt: str
-    extent: str
 
 
 @dataclass(frozen=True)
@@ -41,16 +30,6 @@ class Row:
     label: str
     is_difference: bool
     panels: tuple[Panel | None, ...]
-
-
-@dataclass(frozen=True)
-class ColourBar:
-    """A colour map as a CSS gradient between two labelled values."""
-
-    label: str
-    low: str
-    high: str
-    gradient: str
 
 
 @dataclass(frozen=True)
@@ -71,25 +50,28 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
     times = _columns(runs)
     named = {run.attributes["method_name"]: run for run in runs}
     shots = {name: _shots(run, times) for name, run in named.items()}
-    window = _window([x for row in shots.values() for x, _ in filter(None, row)] + [runs[0].xi])
-    brushes = {name: _Brush(run, window) for name, run in named.items()}
+    shown = window([x for row in shots.values() for x, _ in filter(None, row)] + [runs[0].xi])
+    brushes = {name: _brush(run, shown) for name, run in named.items()}
 
     completed = [name for name, run in named.items() if run.attributes["outcome"] == "completed"]
-    scale = _span([shots[name] for name in completed or named])
+    reach = span(_values([shots[name] for name in completed or named]))
+    scale = Colours(SEQUENTIAL, *reach)
     rows = [
-        Row(name, False, brushes[name].row(f"a of {name}", times, row, "viridis", scale))
+        Row(name, False, _panels(brushes[name], f"a of {name}", times, row, scale))
         for name, row in shots.items()
     ]
-    bars = [_bar("a", "viridis", scale)]
+    bars = [scale.bar("a")]
     fem = next((name for name in named if name.startswith("fem")), "")
     if differences := _differences(named, shots, fem):
-        reach = max(map(abs, _span(list(differences.values())))) or 1.0
+        largest = max(map(abs, span(_values(list(differences.values()))))) or 1.0
+        scale = Colours(DIVERGING, -largest, largest)
         rows += [
-            Row(name, True, brushes[fem].row(name, times, row, "RdBu_r", (-reach, reach)))
+            Row(name, True, _panels(brushes[fem], name, times, row, scale))
             for name, row in differences.items()
         ]
-        bars.append(_bar("difference of a", "RdBu_r", (-reach, reach)))
-    return FilmStrip(tuple(times), tuple(rows), tuple(bars), clipped=_span(list(shots.values())) != scale)
+        bars.append(scale.bar("difference of a"))
+    clipped = span(_values(list(shots.values()))) != reach
+    return FilmStrip(tuple(times), tuple(rows), tuple(bars), clipped)
 
 
 Shot = tuple[Array, Array] | None
@@ -123,74 +105,21 @@ def _differences(named: dict[str, Run], shots: dict[str, list[Shot]], fem: str) 
     }
 
 
-def _window(positions: Sequence[Array]) -> tuple[Array, Array]:
-    """The box around all positions, with a margin: corners (2,), (2,)."""
-    everything = np.hstack(positions)
-    everything = everything[:, np.isfinite(everything).all(axis=0)]
-    low, high = everything.min(axis=1), everything.max(axis=1)
-    margin = 0.03 * (high - low).max()
-    return low - margin, high + margin
+def _values(rows: Sequence[Sequence[Shot]]) -> list[Array]:
+    """The values of all shots in rows of shots."""
+    return [shot[1] for row in rows for shot in row if shot]
 
 
-def _span(rows: Sequence[Sequence[Shot]]) -> tuple[float, float]:
-    """Smallest and largest finite value in rows of shots."""
-    everything = np.concatenate([shot[1] for row in rows for shot in row if shot] or [np.empty(0)])
-    finite = everything[np.isfinite(everything)]
-    return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+def _brush(run: Run, shown: Window) -> Brush:
+    """A brush that draws the run's cells over the outline of where the cell began."""
+    return Brush(run.triangles, run.xi[:, closed_rim(run.triangles)], shown)
 
 
-def _in_words(low: float, high: float) -> str:
-    """A range of values; nearly equal ones as middle and half-width, else both would print alike."""
-    middle, half = (low + high) / 2, (high - low) / 2
-    if 0 < half < 1e-3 * abs(middle):
-        return f"{middle:.6g} ± {half:.2g}"
-    return f"{low:.3g} … {high:.3g}" if half else f"{low:.6g}"
-
-
-def _bar(label: str, colours: str, scale: tuple[float, float]) -> ColourBar:
-    stops = ", ".join(to_hex(colour) for colour in colormaps[colours](np.linspace(0, 1, 12)))
-    low, high = scale
-    digits = 3 if high - low > 1e-2 * abs(high) else 9
-    return ColourBar(label, f"{low:.{digits}g}", f"{high:.{digits}g}", f"linear-gradient(to right, {stops})")
-
-
-class _Brush:
-    """Draws the cells of one run's mesh in one window, over the outline of where the cell began."""
-
-    def __init__(self, run: Run, window: tuple[Array, Array]) -> None:
-        rim = Mesh(run.xi, run.triangles, h=np.nan).rim_nodes
-        self._triangles, self._rim = run.triangles, np.append(rim, rim[0])
-        self._start = run.xi[:, self._rim]
-        self._window = window
-
-    def row(
-        self,
-        what: str,
-        times: Sequence[float],
-        shots: Sequence[Shot],
-        colours: str,
-        scale: tuple[float, float],
-    ) -> tuple[Panel | None, ...]:
-        """Draw one row of a strip."""
-        return tuple(
-            self._panel(f"{what} at t = {t:.4g}", shot, colours, scale) if shot else None
-            for t, shot in zip(times, shots, strict=True)
-        )
-
-    def _panel(self, what: str, shot: tuple[Array, Array], colours: str, scale: tuple[float, float]) -> Panel:
-        x, values = shot
-        (left, bottom), (right, top) = self._window
-        figure = Figure((_WIDTH, _WIDTH * (top - bottom) / (right - left)), _DPI, facecolor="none")
-        axes = figure.add_axes((0, 0, 1, 1))
-        axes.set_axis_off()
-        # Without antialiasing neighbours leave no seams; the rim drawn over them smooths the outline.
-        cells = dict(facecolors=values, cmap=colours, norm=Normalize(*scale), antialiased=False)
-        axes.tripcolor(*x, self._triangles.T, **cells)
-        axes.plot(*x[:, self._rim], color=_OUTLINE, linewidth=0.9)
-        axes.plot(*self._start, color=_OUTLINE, linewidth=0.7, linestyle=(0, (3, 2)))
-        axes.set(xlim=(left, right), ylim=(bottom, top))
-        buffer = BytesIO()
-        FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
-        low, high = _span([[shot]])
-        extent = f"|·| ≤ {max(-low, high) + 0.0:.3g}" if scale[0] == -scale[1] else _in_words(low, high)
-        return Panel(b64encode(buffer.getvalue()).decode(), f"{what}, values {extent}", extent)
+def _panels(
+    brush: Brush, what: str, times: Sequence[float], shots: Sequence[Shot], scale: Colours
+) -> tuple[Panel | None, ...]:
+    """One row of a strip."""
+    return tuple(
+        brush.panel(f"{what} at t = {t:.4g}", *shot, scale) if shot else None
+        for t, shot in zip(times, shots, strict=True)
+    )

@@ -1,19 +1,17 @@
 """One self-contained page from a comparison's files: all that is made here are pictures of what is stored."""
 
 import json
-import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from actin_xcheck.claims import Claim
 from actin_xcheck.model import CAVEATS
-from actin_xcheck.report.charts import STYLES, Chart, Style, charts
+from actin_xcheck.report.charts import Chart, charts
+from actin_xcheck.report.environment import environment
 from actin_xcheck.report.film import FilmStrip, film_strip
+from actin_xcheck.report.svg import STYLES, Style
 from actin_xcheck.scene import Scene, parse_scene
 from actin_xcheck.store import Comparison, Run, read_comparison
 
@@ -64,17 +62,8 @@ def write_report(folder: Path) -> Path:
     """
     folder = Path(folder)
     comparison = read_comparison(folder / "comparison.h5")
-    environment = Environment(
-        loader=PackageLoader("actin_xcheck.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
-    environment.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
-    environment.filters["from_json"] = json.loads
-    html = environment.get_template("page.html").render(
+    template = environment(folder).get_template("page.html")
+    html = template.render(
         attributes=comparison.attributes,
         claims=_grouped(comparison),
         failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],

@@ -1,0 +1,26 @@
+"""What all pages have in common: the templates' environment."""
+
+import json
+import math
+import os
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def environment(folder: Path) -> Environment:
+    """Return the environment of a page that will stand in `folder`: escapes everything, defaults nothing.
+
+    Filters: `number` (three digits), `link` (a path relative to the page), `from_json`.
+    """
+    made = Environment(
+        loader=PackageLoader("actin_xcheck.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
+    made.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
+    made.filters["from_json"] = json.loads
+    return made

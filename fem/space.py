@@ -1,0 +1,182 @@
+"""Isoparametric P_k elements on the reference disk: nodes, cells, rim and the rules that integrate there."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import permutations
+
+import numpy as np
+from skfem import Basis, ElementLineP1, ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
+from skfem.quadrature import get_quadrature
+
+from actin_xcheck.geometry import Indices, Mesh, signed_areas
+from actin_xcheck.linear import nested_dissection
+from actin_xcheck.model import Array
+from fem.kernels import RimRule, Rule, Scatter
+
+ELEMENTS = {1: ElementTriP1(), 2: ElementTriP2(), 3: ElementTriP3(), 4: ElementTriP4()}
+"""scikit-fem's Lagrange elements by order k."""
+
+CORNERS = np.array([[0.0, 1, 0], [0, 0, 1]])
+"""Vertices of the reference triangle."""
+
+SIDES = list(permutations(range(3), 2))
+"""Directed sides of a triangle, by local vertices."""
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """P_k on a disk of `geometry.disk`; node positions x (2, N) are themselves a P_k field.
+
+    Attributes
+    ----------
+    order : k, 1 to 4.
+    xi : reference positions of the nodes, those of the mesh first, (2, N).
+    cells : nodes of each cell, its vertices first, (n_local, n_cells).
+    orientation : -1 where a cell's vertices run clockwise, else 1, (n_cells,).
+    rim : the mesh's rim edges, counter-clockwise, (2, n_rim).
+    """
+
+    order: int
+    xi: Array
+    cells: Indices
+    orientation: Array
+    rim: Indices
+
+    @classmethod
+    def on(cls, mesh: Mesh, order: int, ring: float) -> "Space":
+        """Build the space of order k on a disk whose layers are true circles from radius `ring` outwards."""
+        # P3 and P4 number an edge's nodes from its lower to its higher vertex, hence the sorting
+        triangles = np.sort(mesh.triangles, axis=0) if order > 2 else mesh.triangles
+        flat = MeshTri(mesh.xi, triangles.astype(np.int32), sort_t=False)
+        cells = Basis(flat, ELEMENTS[order], intorder=1).element_dofs.astype(np.int64)
+        barycentric = _barycentric(ELEMENTS[order].doflocs.T)
+        xi = np.empty((2, cells.max() + 1))
+        xi[:, cells] = _curved(mesh, triangles, barycentric, ring, order)
+        xi[:, : mesh.xi.shape[1]] = mesh.xi
+        return cls(order, xi, cells, np.sign(signed_areas(mesh.xi, triangles)), mesh.rim)
+
+    @cached_property
+    def inside(self) -> Rule:
+        """Exact for products of basis functions in straight cells, degree 2 k; loads and masses."""
+        return self._rule(2 * self.order)
+
+    @cached_property
+    def gradients(self) -> Rule:
+        """Exact for products of gradients in straight cells, degree 2 (k - 1); stiffness and stresses."""
+        return self._rule(2 * (self.order - 1))
+
+    @cached_property
+    def on_rim(self) -> RimRule:
+        """Points of degree 2 k + 1 on the rim edges; a cell's own basis gives traces of gradients too."""
+        s, weights = get_quadrature(ElementLineP1, 2 * self.order + 1)
+        start, end = self._rim_sides
+        tables = {
+            (p, q): self._tabulated(CORNERS[:, [p]] + (CORNERS[:, [q]] - CORNERS[:, [p]]) * s)
+            for p, q in SIDES
+        }
+        of_edge = [tables[side] for side in zip(start.tolist(), end.tolist(), strict=True)]
+        values, slopes = (np.stack(table, axis=-1) for table in zip(*of_edge, strict=True))
+        direction = CORNERS[:, end] - CORNERS[:, start]
+        return RimRule(self.cells[:, self.rim_cells], weights[:, None], values, slopes, direction)
+
+    @cached_property
+    def rim_nodes(self) -> Indices:
+        """Nodes on the rim in counter-clockwise order, (k n_rim,)."""
+        start, end = self._rim_sides
+        barycentric = _barycentric(ELEMENTS[self.order].doflocs.T)
+        along, on_edge = barycentric[end], np.isclose(barycentric[start] + barycentric[end], 1)
+        local = np.argsort(np.where(on_edge, along, np.inf), axis=1)[:, : self.order]
+        return self.cells[local, self.rim_cells[:, None]].ravel()
+
+    @cached_property
+    def scalars(self) -> Scatter:
+        """Of scalar fields, unknown n being that of node n."""
+        return Scatter(self.cells, self.xi.shape[1])
+
+    @cached_property
+    def vectors(self) -> Scatter:
+        """Of vector fields, unknown 2 n + i being component i at node n."""
+        return Scatter(_interleaved(self.cells), self.xi.size)
+
+    @cached_property
+    def rim_vectors(self) -> Scatter:
+        """Of vector fields in the cells along the rim."""
+        return Scatter(_interleaved(self.on_rim.cells), self.xi.size)
+
+    @cached_property
+    def parts(self) -> Indices:
+        """Nested dissection of the nodes, for direct solvers, (N,)."""
+        pattern = self.scalars.pattern
+        return nested_dissection(self.xi, pattern.rows, pattern.columns)
+
+    @cached_property
+    def rim_cells(self) -> Indices:
+        """The cell at each rim edge, (n_rim,)."""
+        return self._rim_finds % self.cells.shape[1]
+
+    @cached_property
+    def _rim_sides(self) -> Indices:
+        """Local vertices at the start and the end of each rim edge, (2, n_rim)."""
+        return np.array(SIDES).T[:, self._rim_finds // self.cells.shape[1]]
+
+    @cached_property
+    def _rim_finds(self) -> Indices:
+        """Where each rim edge is among all cells' sides, (n_rim,)."""
+        count = self.xi.shape[1]
+        keys = np.concatenate([self.cells[p] * count + self.cells[q] for p, q in SIDES])
+        order = np.argsort(keys)
+        return order[np.searchsorted(keys, self.rim[0] * count + self.rim[1], sorter=order)]
+
+    def _rule(self, degree: int) -> Rule:
+        points, weights = get_quadrature(ELEMENTS[self.order], degree)
+        values, slopes = self._tabulated(points)
+        signed = weights[:, None] if self.order < 3 else weights[:, None] * self.orientation
+        return Rule(self.cells, signed, values[..., None], slopes[..., None])
+
+    def _tabulated(self, points: Array) -> tuple[Array, Array]:
+        """Basis functions (n_local, q) and their slopes (n_local, 2, q or 1) at reference points (2, q)."""
+        element = ELEMENTS[self.order]
+        basis = [element.lbasis(points, a) for a in range(self.cells.shape[0])]
+        values = np.array([np.broadcast_to(value, points.shape[1]) for value, _ in basis])
+        slopes = np.array([np.broadcast_to(slope, points.shape) for _, slope in basis])
+        slopes = slopes - slopes.mean(axis=0)  # a constant has no gradient; scikit-fem's P4 has one of 3e-14
+        return values, slopes[..., :1] if self.order == 1 else slopes
+
+
+def _interleaved(cells: Indices) -> Indices:
+    """Vector unknowns (2 n_local, n_cells) of nodes (n_local, n_cells)."""
+    return np.stack([2 * cells, 2 * cells + 1], axis=1).reshape(-1, cells.shape[1])
+
+
+def _barycentric(points: Array) -> Array:
+    """Barycentric coordinates (3, n) of points (2, n) of the reference triangle."""
+    return np.array([1 - points[0] - points[1], points[0], points[1]])
+
+
+def _curved(mesh: Mesh, triangles: Indices, barycentric: Array, ring: float, order: int) -> Array:
+    """Positions (2, n_local, n_cells) of points with the same barycentric coordinates (3, n_local).
+
+    In a cell between two layers radius and layer number are linear, and so is the angle along each layer:
+    that is `disk`'s own map between its nodes, but singular at the origin.  The departure from the straight
+    cell therefore fades as (r/ring)^k, which keeps derivatives of order j <= k + 1 within a cell O(h^j).
+    """
+    corners = mesh.xi[:, triangles]
+    radii = np.hypot(*corners)
+    layers = np.searchsorted(_layer_radii(mesh), radii)
+    angles = np.arctan2(corners[1], corners[0])
+    pivot = np.take_along_axis(angles, radii.argmax(axis=0)[None], axis=0)
+    angles = pivot + np.remainder(angles - pivot + np.pi, 2 * np.pi) - np.pi
+
+    def mean(corner_values: Array) -> Array:
+        return np.einsum("cn,...ce->...ne", barycentric, corner_values)
+
+    radius, layer = mean(radii), mean(layers.astype(float))
+    angle = mean(layers * angles) / np.where(layer > 0, layer, 1.0)
+    straight, polar = mean(corners), radius * np.array([np.cos(angle), np.sin(angle)])
+    return straight + np.minimum(radius / ring, 1) ** order * (polar - straight)
+
+
+def _layer_radii(mesh: Mesh) -> Array:
+    """Where layers end, half-way between them: layer number = searchsorted(., radius)."""
+    radii = np.unique(np.round(np.hypot(*mesh.xi), 12))
+    return (radii[1:] + radii[:-1]) / 2

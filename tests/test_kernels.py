@@ -1,0 +1,211 @@
+"""The kernels against the weak forms: plain scikit-fem on fresh curved meshes, for k = 1 to 4."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from skfem import Basis, ElementTriP3, ElementTriP4, ElementVector, FacetBasis, MeshTri, MeshTri2
+from skfem.element.element_h1 import ElementH1
+from skfem.helpers import div
+from skfem.mapping import MappingIsoparametric
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefLine
+
+from actin_xcheck.geometry import disk
+from actin_xcheck.linear import SymmetricSolver, solve
+from actin_xcheck.model import Closure, Delta, Model, Rheology
+from actin_xcheck.parameters import Parameters
+from actin_xcheck.result import Ending
+from fem import forms
+from fem.force_balance import ForceBalance
+from fem.space import ELEMENTS, Space
+
+ORDERS = (1, 2, 3, 4)
+L0 = 0.8
+MESH = disk(2, L0, rotation=0.3)
+DT = 0.03
+
+
+@dataclass(repr=False)
+class MeshTri3(MeshTri2):
+    elem: type = ElementTriP3
+
+
+@dataclass(repr=False)
+class MeshTri4(MeshTri2):
+    elem: type = ElementTriP4
+
+
+MESHES = {1: MeshTri, 2: MeshTri2, 3: MeshTri3, 4: MeshTri4}
+
+
+class Line(ElementH1):
+    """Lagrange elements on an edge, which scikit-fem lacks for k > 2: maps points of curved edges."""
+
+    refdom = RefLine
+
+    def __init__(self, k):
+        self.nodes = np.concatenate([[0, 1], np.arange(1, k) / k])
+
+    def lbasis(self, X, i):
+        others = np.delete(self.nodes, i)
+        factors = (X[0] - others[:, None]) / (self.nodes[i] - others)[:, None]
+        slopes = [
+            np.delete(factors, j, axis=0).prod(axis=0) / (self.nodes[i] - others[j])
+            for j in range(others.size)
+        ]
+        return factors.prod(axis=0), sum(slopes)[None]
+
+
+class Mapping(MappingIsoparametric):
+    """scikit-fem finds points on curved edges by Newton's method, to 1e-12; here to the last digit."""
+
+    def invF(self, x, tind=None):
+        found = super().invF(x, tind)
+        points = get_quadrature(RefLine, 2 * self.elem.maxdeg + 1)[0][0]
+        known = np.concatenate([points, 1 - points, [0, 1]])
+        nearest = known[np.abs(found[..., None] - known).argmin(axis=-1)]
+        assert np.abs(found - nearest).max() < 1e-11
+        return nearest
+
+
+def moved(xi):
+    """A smooth deformation: stretch, shear, bend."""
+    return np.array([1.1 * xi[0] + 0.1 * xi[1] + 0.05 * xi[1] ** 2, 0.95 * xi[1] + 0.08 * np.sin(2 * xi[0])])
+
+
+def lumpy(xi):
+    return 1 + 0.3 * xi[0] * xi[1] + 0.1 * np.cos(3 * xi[0])
+
+
+class Plain:
+    """Fresh mesh and bases of plain scikit-fem with node positions x."""
+
+    def __init__(self, space, x):
+        k = space.order
+        mesh = MESHES[k](x, space.cells[:3].astype(np.int32), sort_t=False)
+        mapping = None if k == 1 else Mapping(mesh, ELEMENTS[k], Line(k))
+        scalar, vector = ELEMENTS[k], ElementVector(ELEMENTS[k])
+        self.gradients = Basis(mesh, vector, mapping, intorder=2 * k - 2)
+        self.inside = Basis(mesh, vector, mapping, intorder=2 * k)
+        self.rim = FacetBasis(mesh, vector, mapping, intorder=2 * k + 1)
+        self.scalar_gradients = self.gradients.with_element(scalar)
+        self.scalar = self.inside.with_element(scalar)
+        self.scalar_rim = self.rim.with_element(scalar)
+        # scikit-fem numbers vector unknowns otherwise for k > 1: ours[n, i] is theirs
+        self.place = np.empty((space.xi.shape[1], 2), dtype=int)
+        for i in range(2):
+            self.place[self.scalar.element_dofs, i] = self.gradients.element_dofs[i::2]
+        assert np.array_equal(self.scalar.element_dofs, space.cells)
+
+    def vector(self, load):
+        return load[self.place.ravel()]
+
+    def matrix(self, matrix):
+        return matrix.tocsr()[self.place.ravel()][:, self.place.ravel()]
+
+    def field(self, nodal):
+        theirs = np.empty(nodal.size)
+        theirs[self.place] = nodal.T
+        return theirs
+
+    def system(self, model, delta, u, a, dt):
+        """A + dt B and F - B u of (B.23a), form by form, and the size of the loads that cancel in it."""
+        matrix = forms.network(model, dt).assemble(self.gradients)
+        u = self.field(u)
+        u_inside, u_rim = self.inside.interpolate(u), self.rim.interpolate(u)
+        a_inside, a_rim = (np.asarray(basis.interpolate(a)) for basis in (self.scalar, self.scalar_rim))
+        f = model.active_stress(a_inside, div(u_inside), delta[:, None])
+        f_rim = model.active_stress(a_rim, div(u_rim), model.delta_on_rim())
+        rim_load = forms.rim_load.assemble(self.rim, f=f_rim)
+        load = forms.active_load(model).assemble(self.inside, f=f, u=u_inside) + rim_load
+        if model.closure is Closure.IRROTATIONAL_WALL:
+            mu1, one = model.viscous_moduli()[0], model.elastic_moduli()[0]
+            matrix = matrix + forms.slip_friction(mu1 + dt * one).assemble(self.rim)
+            load = load - forms.slip_friction(one).assemble(self.rim) @ u
+        return self.matrix(matrix), self.vector(load), abs(rim_load).max()
+
+
+def same(ours, theirs, scale=None):
+    """Agreement to 1e-13 of the largest entry, or of the numbers that cancelled."""
+    return abs(ours - theirs).max() <= 1e-13 * (scale or abs(theirs).max())
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_transport_matrices_and_sources_are_those_of_the_forms(k):
+    space = Space.on(MESH, k, L0)
+    x = moved(space.xi)
+    plain = Plain(space, x)
+    assert same(space.scalars.matrix(space.inside.at(x).mass()), forms.mass.assemble(plain.scalar))
+    stiffness = space.scalars.matrix(space.gradients.at(x).stiffness())
+    assert same(stiffness, forms.stiffness.assemble(plain.scalar_gradients))
+    place = np.asarray(plain.scalar.global_coordinates())
+    ours = space.inside.blend(x[:, space.cells])
+    assert same(ours, place.swapaxes(1, 2))
+    source = space.scalars.vector(space.inside.at(x).load(lumpy(ours)))
+    assert same(source, forms.source.assemble(plain.scalar, s=lumpy(place)))
+
+
+@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("closure", list(Closure))
+@pytest.mark.parametrize("rheology", list(Rheology))
+def test_the_force_balance_is_that_of_the_forms(k, closure, rheology):
+    model = Model(Parameters(150.0, 0.4, l0=L0), rheology, closure, Delta.RING)
+    balance = ForceBalance(model, MESH, k)
+    space, x, a = balance.space, moved(balance.space.xi), lumpy(balance.space.xi)
+    plain = Plain(space, x)
+    ours = balance.system(
+        x, space.inside.blend(a[space.cells]), space.on_rim.blend(a[space.on_rim.cells]), DT
+    )
+    matrix, load, scale = plain.system(model, balance.delta, balance.displacement(x), a, DT)
+    assert same(ours.matrix, matrix)
+    assert same(ours.load, load, scale)
+    assert abs(matrix - matrix.T).max() < 1e-13 * abs(matrix).max()
+    constraint = balance.constraint
+    P, weights = constraint.prolongation(x), constraint.weights(x)
+    assert same(constraint.reduce(weights, ours.matrix), P.T @ matrix @ P)
+    assert same(constraint.restrict(weights, ours.load), P.T @ load, scale)
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_current_normals_are_the_integrals_of_phi_n(k):
+    balance = ForceBalance(Model(Parameters(0.0, 0.0), closure=Closure.CURRENT_NORMAL), MESH, k)
+    space, x = balance.space, moved(balance.space.xi)
+    plain = Plain(space, x)
+    ones = np.ones(plain.rim.dx.shape)
+    normal = plain.vector(forms.rim_load.assemble(plain.rim, f=ones)).reshape(-1, 2)[space.rim_nodes]
+    weights = balance.constraint.weights(x).reshape(-1, 2)
+    along = weights[space.rim_nodes]
+    assert same(along * (along * normal).sum(axis=1, keepdims=True), normal)
+    assert np.allclose((along**2).sum(axis=1), 1, atol=1e-15)
+    inner = np.setdiff1d(np.arange(x.shape[1]), space.rim_nodes)
+    assert np.array_equal(weights[inner], np.ones((inner.size, 2)))
+
+
+def test_the_solver_is_exact_for_every_pattern_it_dissects():
+    """Refined past several cuts: the multifrontal factorisation solves what SuperLU solves."""
+    space = Space.on(disk(5, L0), 1, L0)
+    x = moved(space.xi)
+    matrix = space.scalars.matrix(space.inside.at(x).mass() + 0.01 * space.gradients.at(x).stiffness())
+    pattern = space.scalars.pattern
+    solver = SymmetricSolver(pattern.rows, pattern.columns, space.parts)
+    assert np.unique(space.parts).size > 30
+    rhs = matrix @ lumpy(x)
+    solution, outcome = solver.solve(matrix, rhs)
+    assert outcome.ok
+    assert np.abs(solution - lumpy(x)).max() < 1e-13
+    assert np.abs(solution - solve(matrix, rhs)[0]).max() < 1e-13
+
+
+def test_an_indefinite_matrix_is_still_solved_and_a_singular_one_reported():
+    matrix = sp.csr_matrix(np.array([[1.0, 2], [2, 1]]))
+    rows, columns = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
+    solver = SymmetricSolver(rows, columns, np.array([0, 0]))
+    solution, outcome = solver.solve(matrix, np.array([1.0, 2]))
+    assert outcome.ok
+    assert np.allclose(matrix @ solution, [1, 2], atol=1e-15)
+    singular = sp.csr_matrix(np.ones((2, 2)))
+    assert solver.solve(singular, np.array([1.0, 2]))[1].ending is Ending.NOT_CONVERGED
+    assert solver.solve(matrix, np.array([np.nan, 1]))[1].ending is Ending.NON_FINITE
+    assert np.array_equal(solver.solve(matrix, np.zeros(2))[0], np.zeros(2))

@@ -1,0 +1,278 @@
+"""Exhibits in files and on pages: they come back as they were, and the page holds all and no markup."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from base64 import b64decode
+from collections.abc import Iterator
+from dataclasses import fields
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from typer.testing import CliRunner
+
+from actin_xcheck import predict
+from actin_xcheck.atlas.predictions import read_predictions, write_predictions
+from actin_xcheck.errors import UserError
+from actin_xcheck.exhibit_file import read_exhibit, read_exhibits, write_exhibit, write_exhibits
+from actin_xcheck.exhibits import Chapter, Line, Picture, Plot, Regions, Sheet, Shot, Shots
+from actin_xcheck.geometry import disk
+from actin_xcheck.report import write_theory_page
+from actin_xcheck.report.exhibits import draw
+from tests.test_cli import cli, one_line
+from tests.test_report import CHROMIUM, Browser, Tags
+
+EVIL = "<script>console.error('injected')</script> & \"$\\frac{1}{2}$\" ψ̃"
+MESH = disk(3, 0.8)
+
+
+def exhibits():
+    """One of every class, with everything that could break: markup, nan, empty tuples, one value only."""
+    x = np.linspace(0, 3, 50)
+    circle = np.linspace(0, 2 * np.pi, 25)
+    lines = (
+        Line(f"sin {EVIL}", x, np.where(x > 1, np.nan, np.sin(x))),
+        Line("measured", x[::10], np.cos(x[::10]), points=True),
+    )
+    field = np.outer(np.linspace(0, 1, 9), np.cos(circle))
+    shots = tuple(
+        Shot(f"t = {t} {EVIL}", MESH.xi * (1 + t), MESH.triangles, 1 + t * MESH.centroids[0])
+        for t in (0.0, 0.1, 0.4)
+    )
+    codes = (np.arange(60)[:, None] + np.arange(80)) // 35
+    names = ("stable", EVIL, "T: w1,1", "OS: w1,1", "never")
+    labels = (("stable", 0.2, 0.2), (EVIL, 1.2, 0.9))
+    axes = (np.linspace(0.1, 3.9, 80), np.linspace(0.05, 1.95, 60))
+    return (
+        Plot("curve", f"Curve {EVIL}", f"note {EVIL}", EVIL, lines, ((f"k {EVIL}", 1.5), ("k2", 2.5))),
+        Plot("bare", "Bare", "", "x", (Line("constant", x, np.ones_like(x)),)),
+        Picture("field", f"Field {EVIL}", field),
+        Picture("positive", "Positive", 1 + field**2),
+        Shots("cells", f"Cells {EVIL}", f"note {EVIL}", shots),
+        Regions("map", f"Map {EVIL}", f"note {EVIL}", EVIL, "p", *axes, codes, names, lines, labels),
+        Regions("blank", "Blank", "", "ψ", "p", *axes, 0 * codes, ("stable",)),
+        Sheet("table", f"Table {EVIL}", f"note {EVIL}", (("m", EVIL), ("0", "1.5 ± 0.5i"), (EVIL, ""))),
+        Sheet("headless", "Header only", "", (("m", "ψ"),)),
+    )
+
+
+def same(one, other) -> bool:
+    """Equal in class and in every field, arrays in type and value."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if hasattr(one, "__dataclass_fields__"):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return one == other
+
+
+@pytest.mark.parametrize("exhibit", exhibits(), ids=lambda one: one.key)
+def test_every_exhibit_comes_back_as_it_was(tmp_path, exhibit):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        write_exhibit(file.create_group("one"), exhibit)
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert file["one"].attrs["class"] == type(exhibit).__name__
+        assert same(read_exhibit(file["one"]), exhibit)
+
+
+def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
+    plot, bare, *_, table, _ = exhibits()
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        with pytest.raises(ValueError, match=r"two exhibits have the key 'curve'"):
+            write_exhibits(file.create_group("twice"), (plot, bare, plot))
+        with pytest.raises(ValueError, match="not of one length"):
+            write_exhibit(file.create_group("ragged"), Sheet("t", "t", "", (("a", "b"), ("c",))))
+        write_exhibit(file.create_group("strange"), table)
+        file["strange"].attrs["class"] = "Chapter"
+        with pytest.raises(ValueError, match=r"Plot, Picture, Shots, Regions, Sheet, not 'Chapter'"):
+            read_exhibit(file["strange"])
+
+
+def test_exhibits_keep_their_order(tmp_path):
+    backwards = exhibits()[::-1]
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        write_exhibits(file.create_group("all", track_order=True), backwards)
+        assert [one.key for one in read_exhibits(file["all"])] == [one.key for one in backwards]
+
+
+def chapters():
+    everything = exhibits()
+    return (
+        Chapter("first", f"First {EVIL}", f"note {EVIL}", everything[:5]),
+        Chapter("again", "Again", "", everything[4:]),
+    )
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("theory")
+    write_predictions(folder / "predictions.h5", chapters(), f"python -m actin_xcheck predict report {EVIL}")
+    assert [path.name for path in folder.iterdir()] == ["predictions.h5"]
+    return write_theory_page(folder)
+
+
+def test_the_page_holds_every_exhibit_and_where_it_stands(page):
+    text = " ".join(Tags(page).text.split())
+    stored = read_predictions(page.parent / "predictions.h5")
+    assert all(map(same, stored.chapters, chapters()))
+    for chapter in stored.chapters:
+        assert " ".join(chapter.title.split()) in text
+        for one in chapter.exhibits:
+            assert " ".join(one.title.split()) in text
+            assert f"/exhibits/{chapter.key}/{one.key}" in text
+    for name in ("commit", "numpy", "platform", "schema", "date"):
+        assert str(stored.attributes[name]) in text
+    assert stored.attributes["command"] in text
+    assert "never" not in text  # a region that does not occur needs no legend
+
+
+def test_what_a_file_says_is_text_and_never_markup(page):
+    tags = Tags(page)
+    assert not {tag for tag, _ in tags.tags} & {"script", "iframe", "object", "embed"}
+    assert tags.text.count("<script>") > 20
+    assert "\\frac" in tags.text  # nor is it mathematics
+
+
+def test_the_page_is_whole_in_itself(page):
+    tags, source = Tags(page), page.read_text(encoding="utf-8")
+    loaded = [a[name] for _, a in tags.tags for name in ("src", "srcset", "xlink:href") if a.get(name)]
+    assert all(url.startswith(("data:", "#")) for url in loaded)
+    assert not re.search(r"@import|url\((?!#)", source)
+    assert all(tags.attributes("img", "alt"))
+    assert all(tags.attributes("svg", "aria-label"))
+    ids = [attributes["id"] for _, attributes in tags.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    links = [link for link in tags.attributes("a", "href") if not link.startswith("#")]
+    assert links == ["predictions.h5"]
+
+
+def test_the_same_file_gives_the_same_page(page):
+    once = page.read_bytes()
+    assert write_theory_page(page.parent).read_bytes() == once
+
+
+def test_maps_are_drawn_where_their_pixels_are():
+    """The code at (x, y) has its colour there, and the image is not upside down."""
+    *_, regions, _, _, _ = exhibits()
+    drawing = draw(regions, "/x", "x")
+    assert [key.label for key in drawing.legend] == [regions.names[code] for code in range(4)]
+    assert drawing.svg.count("<image") == 1
+    png = re.search(r"data:image/png;base64,\s*([^\"]+)", drawing.svg)[1]
+    seen = imread(BytesIO(b64decode(png)))[:, :, :3]
+    assert seen.shape[:2] == regions.codes.shape
+    upwards = float(re.search(r"<image[^>]*transform=\"matrix\(([^)]*)\)", drawing.svg)[1].split()[3])
+    assert upwards < 0  # the image's first row is drawn at the bottom, where y is least
+    for code, key in enumerate(drawing.legend):
+        colour = [int(key.colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        assert np.allclose(seen[regions.codes == code], colour, atol=0.01)
+
+
+def test_a_folder_without_predictions_is_the_users_mistake(tmp_path, page):
+    with pytest.raises(UserError, match=r"predictions\.h5: no such file"):
+        write_theory_page(tmp_path)
+    half = page.parent.joinpath("predictions.h5").read_bytes()[:3000]
+    (tmp_path / "predictions.h5").write_bytes(half)
+    with pytest.raises(UserError, match="not a whole set of predictions"):
+        write_theory_page(tmp_path)
+
+
+def test_nothing_half_written_is_left(tmp_path):
+    twice = Chapter("same", "t", "", (exhibits()[0],) * 2)
+    with pytest.raises(ValueError, match="two exhibits"):
+        write_predictions(tmp_path / "predictions.h5", (twice,), "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_a_file_and_its_page(tmp_path, monkeypatch):
+    told = []
+
+    def compute(report):
+        report("maps", 1, 2)
+        told.append(report)
+        return chapters()
+
+    monkeypatch.setattr(predict, "compute", compute)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(predict.app, ["report", "--quiet"], catch_exceptions=False)
+    folder = Path(re.fullmatch(r"report: (reports/predict-\d{8}-\d{6})/index.html\n", done.stdout)[1])
+    assert sorted(path.name for path in folder.iterdir()) == ["index.html", "predictions.h5"]
+    assert told
+    assert done.stderr == ""
+
+
+def test_predictions_are_not_overwritten_unasked(tmp_path):
+    (tmp_path / "predictions.h5").touch()
+    one_line(cli("predict", "report", "--out", tmp_path, cwd=tmp_path), "--out", "--force")
+    one_line(cli("predict", "report", "--out", tmp_path / "predictions.h5/x", cwd=tmp_path), "--out")
+
+
+def test_threshold_names_the_lowest():
+    def found(*arguments):
+        done = CliRunner().invoke(predict.app, ["threshold", "--json", *arguments], catch_exceptions=False)
+        return json.loads(done.stdout)
+
+    free = found("--p", "0.26", "--closure", "traction-free", "--m", "0:1")
+    zero, one = (each["psi"] for each in free["thresholds"])
+    assert zero < one
+    assert free["lowest"] == {"m": 0, "psi": zero, "crossing": "pair"}
+    assert found("--p", "1.646", "--delta", "full", "--m", "1:1")["lowest"] is None
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory) -> Iterator[Browser]:
+    if CHROMIUM is None or os.name != "posix":
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+def test_a_browser_shows_the_page_without_a_complaint_and_within_its_window(browser, page):
+    for width in (390, 1280):
+        screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
+        browser.ask("Emulation.setDeviceMetricsOverride", **screen)
+        assert browser.complaints(page) == []
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    pictures = "Array.from(document.images, image => image.naturalWidth > 100)"
+    assert browser.evaluate(f"{pictures}.length") == 2 + 3 + 3
+    assert browser.evaluate(f"{pictures}.every(Boolean)")
+    ink = set()
+    for theme in ("light", "dark"):
+        browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+        browser.complaints(page)
+        ink.add(browser.evaluate("getComputedStyle(document.querySelector('.plot svg text')).fill"))
+        ink.add(browser.evaluate("getComputedStyle(document.querySelector('figure')).backgroundColor"))
+    assert len(ink) == 4
+
+
+@pytest.mark.slow
+def test_the_whole_report(tmp_path):
+    command = [sys.executable, "-W", "error", "-m", "actin_xcheck", "predict", "report", "--out", "r"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=1200, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "report: r/index.html\n"
+    stored = {
+        one.key: one for c in read_predictions(tmp_path / "r/predictions.h5").chapters for one in c.exhibits
+    }
+    assert {
+        "fig23a-printed",
+        "fig23a-corrected",
+        "fig23a-reference-normal",
+        "fig23a-traction-free",
+    } <= stored.keys()
+    for closure in ("reference-normal", "traction-free"):
+        table = stored[f"thresholds-{closure}"].rows
+        psi = [float(row[1]) for row in table[1:]]
+        assert psi[0] == pytest.approx(100.642, abs=1e-3)
+        assert all(before < after for before, after in pairwise(psi))
+        assert all(abs(float(row[6].rstrip("%"))) < 0.5 for row in table[1:])
+    assert (tmp_path / "r/index.html").stat().st_size < 4e6
