@@ -5,6 +5,7 @@ from functools import cached_property
 from itertools import permutations
 
 import numpy as np
+from numpy.polynomial import legendre
 from skfem import Basis, ElementLineP1, ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 from skfem.quadrature import get_quadrature
 
@@ -27,6 +28,8 @@ SIDES = list(permutations(range(3), 2))
 class Space:
     """P_k on a disk of `geometry.disk`; node positions x (2, N) are themselves a P_k field.
 
+    Layers from the ring outwards are circles up to O(h^(k+1)), inner cells fade to straight ones.
+
     Attributes
     ----------
     order : k, 1 to 4.
@@ -44,26 +47,32 @@ class Space:
 
     @classmethod
     def on(cls, mesh: Mesh, order: int, ring: float) -> "Space":
-        """Build the space of order k on a disk whose layers are true circles from radius `ring` outwards."""
+        """Build the space of order k on a disk whose layers are circles from radius `ring` outwards."""
         # P3 and P4 number an edge's nodes from its lower to its higher vertex, hence the sorting
         triangles = np.sort(mesh.triangles, axis=0) if order > 2 else mesh.triangles
         flat = MeshTri(mesh.xi, triangles.astype(np.int32), sort_t=False)
         cells = Basis(flat, ELEMENTS[order], intorder=1).element_dofs.astype(np.int64)
-        barycentric = _barycentric(ELEMENTS[order].doflocs.T)
         xi = np.empty((2, cells.max() + 1))
-        xi[:, cells] = _curved(mesh, triangles, barycentric, ring, order)
+        xi[:, cells] = _positions(mesh, triangles, ring, order)
         xi[:, : mesh.xi.shape[1]] = mesh.xi
         return cls(order, xi, cells, np.sign(signed_areas(mesh.xi, triangles)), mesh.rim)
 
     @cached_property
     def inside(self) -> Rule:
         """Exact for products of basis functions in straight cells, degree 2 k; loads and masses."""
-        return self._rule(2 * self.order)
+        return self.rule(2 * self.order)
 
     @cached_property
     def gradients(self) -> Rule:
         """Exact for products of gradients in straight cells, degree 2 (k - 1); stiffness and stresses."""
-        return self._rule(2 * (self.order - 1))
+        return self.rule(2 * (self.order - 1))
+
+    def rule(self, degree: int) -> Rule:
+        """Points in the cells, exact for polynomials of a degree on straight ones."""
+        points, weights = get_quadrature(ELEMENTS[self.order], degree)
+        values, slopes = self._tabulated(points)
+        signed = weights[:, None] if self.order < 3 else weights[:, None] * self.orientation
+        return Rule(self.cells, signed, values[..., None], slopes[..., None])
 
     @cached_property
     def on_rim(self) -> RimRule:
@@ -127,12 +136,6 @@ class Space:
         order = np.argsort(keys)
         return order[np.searchsorted(keys, self.rim[0] * count + self.rim[1], sorter=order)]
 
-    def _rule(self, degree: int) -> Rule:
-        points, weights = get_quadrature(ELEMENTS[self.order], degree)
-        values, slopes = self._tabulated(points)
-        signed = weights[:, None] if self.order < 3 else weights[:, None] * self.orientation
-        return Rule(self.cells, signed, values[..., None], slopes[..., None])
-
     def _tabulated(self, points: Array) -> tuple[Array, Array]:
         """Basis functions (n_local, q) and their slopes (n_local, 2, q or 1) at reference points (2, q)."""
         element = ELEMENTS[self.order]
@@ -153,8 +156,24 @@ def _barycentric(points: Array) -> Array:
     return np.array([1 - points[0] - points[1], points[0], points[1]])
 
 
+def _positions(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
+    """Node positions (2, n_local, n_cells) whose P_k field interpolates the curved cells.
+
+    Along edges it does so at Gauss-Lobatto points: in uniform ones the area would converge at order k + 1 for
+    odd and k + 2 for even k, where it does at 2 k.
+    """
+    element = ELEMENTS[order]
+    barycentric = _barycentric(element.doflocs.T)
+    interior = legendre.Legendre.basis(order).deriv().roots()
+    lobatto = np.concatenate([[0.0], (1 + interior) / 2, [1.0]])
+    on_edge = np.isclose(barycentric, 0).any(axis=0)
+    sites = np.where(on_edge, lobatto[np.rint(order * barycentric).astype(int)], barycentric)
+    values = np.array([element.lbasis(sites[1:], a)[0] for a in range(sites.shape[1])])
+    return np.einsum("dpe,pa->dae", _curved(mesh, triangles, sites, ring, order), np.linalg.inv(values))
+
+
 def _curved(mesh: Mesh, triangles: Indices, barycentric: Array, ring: float, order: int) -> Array:
-    """Positions (2, n_local, n_cells) of points with the same barycentric coordinates (3, n_local).
+    """Positions (2, n, n_cells) of points with the same barycentric coordinates (3, n) in every cell.
 
     In a cell between two layers radius and layer number are linear, and so is the angle along each layer:
     that is `disk`'s own map between its nodes, but singular at the origin.  The departure from the straight

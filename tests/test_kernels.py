@@ -20,6 +20,7 @@ from actin_xcheck.result import Ending
 from fem import forms
 from fem.force_balance import ForceBalance
 from fem.space import ELEMENTS, Space
+from tests.lab import local_orders
 
 ORDERS = (1, 2, 3, 4)
 L0 = 0.8
@@ -209,3 +210,42 @@ def test_an_indefinite_matrix_is_still_solved_and_a_singular_one_reported():
     assert solver.solve(singular, np.array([1.0, 2]))[1].ending is Ending.NOT_CONVERGED
     assert solver.solve(matrix, np.array([np.nan, 1]))[1].ending is Ending.NON_FINITE
     assert np.array_equal(solver.solve(matrix, np.zeros(2))[0], np.zeros(2))
+
+
+LEVELS = {1: (3, 4, 5), 2: (2, 3, 4), 3: (2, 3, 4), 4: (1, 2, 3)}
+"""Refinements at which errors of order k + 1 are asymptotic and above round-off."""
+
+
+def observed(k, error):
+    """Orders between successive refinements of error(space)."""
+    return local_orders([error(Space.on(disk(refine, L0), k, L0)) for refine in LEVELS[k]])
+
+
+def l2_error(space, nodal, exact):
+    """L2 norm of a P_k field minus exact(x), sampled finer than the kernels do."""
+    rule = space.rule(2 * space.order + 4)
+    points, field = (rule.blend(values[..., space.cells]) for values in (space.xi, nodal))
+    return np.sqrt(((field - exact(points)) ** 2 * rule.at(space.xi).dx).sum())
+
+
+@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("l0", [0.3, L0])
+def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
+    for refine in (1, 2, 3, 4):
+        mesh = disk(refine, l0, rotation=0.2)
+        space = Space.on(mesh, k, l0)
+        assert np.array_equal(space.xi[:, : mesh.xi.shape[1]], mesh.xi)
+        assert space.xi.shape[1] == 2 * (k * 2**refine) ** 2 + 2 * k * 2**refine + 1
+        jacobian = space.rule(2 * k + 4).at(space.xi).dx.min() / space.inside.weights.min()
+        assert space.rule(2 * k + 4).at(space.xi).dx.min() > 0
+        radii = np.hypot(*space.xi[:, space.rim_nodes])
+        assert np.abs(radii - 1).max() < (1e-15 if k < 3 else 0.2 * mesh.h ** (k + 1))
+        angles = np.unwrap(np.arctan2(*space.xi[::-1, space.rim_nodes]))
+        assert (np.diff(angles) > 0).all()
+        assert angles[-1] - angles[0] < 2 * np.pi
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_the_area_of_the_disk_converges_at_twice_the_order(k):
+    orders = observed(k, lambda space: abs(space.inside.at(space.xi).dx.sum() - np.pi))
+    assert orders == pytest.approx(2 * k, abs=0.15)

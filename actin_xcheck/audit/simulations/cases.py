@@ -43,6 +43,12 @@ WEAK_PRESSURE = _circular("fig16-uniform-expansion", "p-0.026", p=0.026)
 STRONG_PRESSURE = _circular("fig16-uniform-expansion", "p-3", p=3.0, psi=62.4)
 NO_PRESSURE = _circular("fig16-uniform-expansion", "p-0", p=0.0)
 DOWN_IN_P = tuple(_circular("fig07-mode-02", f"p-{p:g}", p=p) for p in (1.75, 1.0, 0.5, 0.0))
+NO_RING = Case(
+    "fig16-uniform-expansion", 40, (*_SHORT, ("model.delta", "none")), "no-ring", (Closure.REFERENCE_NORMAL,)
+)
+HOPF = _circular("fig07-mode-02", "hopf", psi=34.0, p=0.26)
+HOPF_INSIDE = _circular("fig07-mode-02", "hopf-inside", psi=34.8, p=0.8)
+RAISED = Case("fig19-protrusions", 120, (("parameters.p", 0.26),), "p-0.26")
 NOT_SHOWN_END = 0.0144
 NOT_SHOWN = Case(
     "sec54-not-shown", 120, (("time.end", NOT_SHOWN_END), ("time.outputs", (0.0036137, NOT_SHOWN_END)))

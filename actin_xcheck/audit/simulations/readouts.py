@@ -120,6 +120,29 @@ def displacement_likeness(field: Field) -> Readout:
     return readout
 
 
+def growth_of(field: Field) -> Readout:
+    """Amplitude of a field in the concentration over the reference disk, relative to the one at the start."""
+
+    def amplitude(run: Run, frame: int) -> float:
+        areas, w = signed_areas(run.xi, run.triangles), field(run.xi[:, run.triangles].mean(axis=1))
+        return float(areas @ (run.a_cells[frame] * (w - areas @ w / areas.sum())))
+
+    return lambda run, t: amplitude(run, frame_at(run, t)) / amplitude(run, 0)
+
+
+def displacement_over_contrast(run: Run, t: float) -> float:
+    """Largest displacement over the spread of the concentration."""
+    frame = frame_at(run, t)
+    return float(np.hypot(*(run.points[frame] - run.xi)).max() / np.ptp(run.a_points[frame]))
+
+
+def displacement_agreement(run: Run, t: float) -> float:
+    """Correlation over the cell of the concentration with the size of the displacement: 1 is in phase."""
+    frame = frame_at(run, t)
+    moved = np.hypot(*(run.points[frame] - run.xi))
+    return float(np.corrcoef(run.a_points[frame], moved)[0, 1])
+
+
 def mode_share(field: Field, m: int) -> Readout:
     """Size of the correlation of a with w_m,n in its best phase: 0 where a has none of the mode."""
 

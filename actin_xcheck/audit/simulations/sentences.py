@@ -2,16 +2,25 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from actin_xcheck.audit.row import Finding, Judgement, Row
+from actin_xcheck.audit.row import Row
 from actin_xcheck.audit.simulations import cases
-from actin_xcheck.audit.simulations.checks import Check, Evidence, simulation
-from actin_xcheck.audit.simulations.figures import UNIFORM, VISIBLE
+from actin_xcheck.audit.simulations.checks import Check, simulation
+from actin_xcheck.audit.simulations.figures import UNIFORM, VISIBLE, W11
+from actin_xcheck.audit.simulations.findings import (
+    FAILING,
+    all_kinds,
+    bias,
+    fails,
+    observations,
+    other_parameters,
+    realistic,
+    tonicity_sets_the_transition,
+)
 from actin_xcheck.audit.simulations.readouts import (
     area_change,
-    front_height,
-    fronts,
+    displacement_agreement,
+    displacement_over_contrast,
+    growth_of,
     highest_at,
     nonuniformity,
     rim_agreement,
@@ -19,116 +28,48 @@ from actin_xcheck.audit.simulations.readouts import (
     unevenness,
 )
 from actin_xcheck.audit.simulations.studies import FEM, Study
-from actin_xcheck.model import Delta, Rheology
-from actin_xcheck.prediction import active_slope, k2_crit, threshold
-from actin_xcheck.scene import load_scene
-
-_FAILING = load_scene("sec54-failure")
-_GROWTH = active_slope(replace(_FAILING.physics, delta=Delta.NONE)) / _FAILING.parameters.mu
-"""f'/mu, the rate at which short waves grow there (3.6); diffusion cuts it off at k_crit only."""
-
-
-def _fails(published: Evidence, kept: Evidence, resolved: Evidence) -> Finding:
-    """Section 5.4's failure: what ends the run as published, and what a resolved step does."""
-    ends = [
-        f"{evidence.study.reading}, Δt = {dt:g}: {run.attributes['outcome']}"
-        + (f" ({run.attributes['message']})" if run.attributes["message"] else "")
-        for evidence in (published, kept, resolved)
-        for (_, dt), run in evidence.runs.items()
-    ]
-    (level,) = published.runs
-    (fine,) = resolved.runs
-    as_published, small = (e.runs[level] for e, level in ((published, level), (resolved, fine)))
-    broke = as_published.attributes["outcome"] != "completed"
-    numbers = {
-        "growth per step as published": _GROWTH * level[1],
-        "area change at the end as published": float(np.ptp(as_published.series["area"])),
-        "largest a as published": float(as_published.series["a_max"].max()),
-        "largest a, resolved step": float(small.series["a_max"].max()),
-    }
-    return Finding(
-        Judgement.IN_KIND if broke else Judgement.NOT_REPRODUCED,
-        "; ".join(ends) + f". A step of {level[1]:g} lets f'/μ = {_GROWTH:.0f} act for "
-        f"{_GROWTH * level[1]:.1f} units; the largest a is then {numbers['largest a as published']:.3g}.",
-        (
-            "The run ends as the article says. "
-            if broke
-            else "The scheme runs on to its end instead of failing. "
-        )
-        + "With that step no growth of this model is resolved: what ends, or does not, is the scheme. Under "
-        "the viscoelastic reading the model itself ends where 1 + φ reaches 0.",
-        numbers=numbers,
-    )
+from actin_xcheck.model import Rheology
 
 
 def _failure() -> Row:
-    dt = _FAILING.as_published.dt or 0.0
-    refine = _FAILING.as_published.refine or 6
+    dt = FAILING.as_published.dt or 0.0
+    refine = FAILING.as_published.refine or 6
     short = 1e-3  # seven e-foldings of f'/mu
     kept = (("model.rheology", str(Rheology.VISCOELASTIC)),)
     brief = (("time.end", short), ("time.outputs", (short,)))
     reading = str(Rheology.VISCOUS)
     studies = (
-        Study(_FAILING.name, "audit", reading, (), FEM, ((refine, dt),)),
-        Study(_FAILING.name, "kept", str(Rheology.VISCOELASTIC), kept, FEM, ((refine, dt),)),
-        Study(_FAILING.name, "brief", reading, brief, FEM, ((5, short / 100),)),
+        Study(FAILING.name, "audit", reading, (), FEM, ((refine, dt),)),
+        Study(FAILING.name, "kept", str(Rheology.VISCOELASTIC), kept, FEM, ((refine, dt),)),
+        Study(FAILING.name, "brief", reading, brief, FEM, ((5, short / 100),)),
     )
     return Row(
         "s5.4-failure",
         "Section 5.4",
         "At ψ = 1.04e5 the cell deforms non-uniformly and rapidly and the numerical algorithm fails.",
-        _fails,
+        fails,
         studies,
     )
 
 
-def _tonicity_sets_the_transition() -> Finding:
-    """Remark 5.1 and Section 7: psi is the bifurcation parameter."""
-    cell = replace(load_scene("fig14-four-fronts").physics, delta=Delta.NONE)
-    found = threshold(cell, 0)
-    rest = threshold(replace(cell, parameters=replace(cell.parameters, p=0.0)), 0)
-    holds = found.psi is not None and rest.psi is not None
-    return Finding(
-        Judgement.REPRODUCED if holds else Judgement.NOT_REPRODUCED,
-        f"The moving cell's first mode (m = 0) grows for ψ > {found.psi:.3f} at p = 0.26 and "
-        f"ψ > {rest.psi:.3f} at p = 0, both as {found.crossing}s; no mode grows at ψ = 0.",
-        "The steady state loses stability as ψ grows, and p moves the threshold. Its value is not the "
-        "article's 62.4, which belongs to a static wall.",
-        numbers={"psi* at p = 0.26": found.psi or np.nan, "psi* at p = 0": rest.psi or np.nan},
-    )
-
-
-def _realistic(*evidence: Evidence) -> Finding:
-    """Section 6: four fronts, on meshes that cannot resolve what is unstable."""
-    (study,) = evidence
-    cell = load_scene("sec6-realistic").physics
-    k_crit = np.sqrt(k2_crit(replace(cell, delta=Delta.NONE)))
-    end = study.finest.times[-1]
-    heights = {level: front_height(4)(run, end) for level, run in study.runs.items()}
-    counts = {level: fronts(run, end) for level, run in study.runs.items()}
-    four = all(count == 4 for count in counts.values())
-    spread = max(heights.values()) - min(heights.values())
-    return Finding(
-        Judgement.IN_KIND if four else Judgement.NOT_REPRODUCED,
-        f"At t = {end:g} the strongest harmonic of the rim is "
-        + ", ".join(f"{counts[level]:.0f} on mesh {level[0]}" for level in counts)
-        + f"; the fourth is {min(heights.values()):.3g} to {max(heights.values()):.3g} of the radius.",
-        f"Four fronts are in the initial condition. k_crit = {k_crit:.0f}: the shortest unstable wave is "
-        f"{2 * np.pi / k_crit:.3g} radii long, no mesh here resolves it, and the fronts' height changes by "
-        f"{spread / max(heights.values()):.0%} between meshes: their number can be judged, not their size.",
-        numbers={f"fourth harmonic, mesh {level[0]}, dt {level[1]:g}": h for level, h in heights.items()},
-    )
-
-
-def _row_of_realistic() -> Row:
+def _rows_of_realistic() -> tuple[Row, ...]:
     case = cases.REALISTIC.studies()[0]
     study = replace(case, levels=((4, 0.02), (5, 0.02), (5, 0.01)), published=None)
-    return Row(
-        "s6-fronts",
-        "Section 6",
-        "With the realistic parameters the result is protrusion on four fronts, similar to Fig. 14.",
-        _realistic,
-        (study,),
+    return (
+        Row(
+            "s6-bias",
+            "Section 6",
+            "The perturbation |rnd sin x sin y| biases the excitation of w4,1.",
+            bias,
+            (study,),
+        ),
+        Row(
+            "s6-fronts",
+            "Section 6",
+            "With the realistic parameters the result is protrusion on four fronts, similar to Fig. 14.",
+            realistic,
+            (study,),
+        ),
     )
 
 
@@ -137,6 +78,79 @@ def _uniform(end: float) -> list[Check]:
 
 
 SENTENCES_SIMULATED: tuple[Row, ...] = (
+    simulation(
+        "s5-domain",
+        "Section 5",
+        "At 0 < t_s << 1 the domain's evolution is negligible (here after the four steps of Fig. 6).",
+        cases.FIG06,
+        [Check("area change", area_change, 4 * cases.PAPER_DT, -0.01, 0.01)],
+    ),
+    simulation(
+        "s5.1-validation",
+        "Sections 3.3 and 5.1",
+        "Near the bifurcation point (ψ = 62.4) the numerical results are consistent with linear theory, by "
+        "which w1,1 grows.",
+        cases.FIG06,
+        [Check("w1,1 grows: amplitude over the initial one", growth_of(W11), 1.7183, low=1)],
+        "(3.6) as printed lets it grow fifteenfold until then. The article compares shapes after two to four "
+        "steps, which are those of its initial condition; a growth rate tells the theories apart.",
+    ),
+    simulation(
+        "s5.2-small-u",
+        "Section 5.2.1",
+        "The displacements are small, with small amplitudes compared with those of a (Fig. 9b's cell).",
+        cases.FIG14,
+        [
+            Check(
+                "largest |u| over the spread of a",
+                displacement_over_contrast,
+                cases.FIFTEEN_FINE,
+                high=1,
+            )
+        ],
+    ),
+    simulation(
+        "s5.3-phase",
+        "Section 5.3",
+        "Plots of the displacement are either in or out of phase with those of a (Fig. 14's cell: in phase).",
+        cases.FIG14,
+        [Check("a and |u| are in phase: correlation", displacement_agreement, 0.1636, low=0.5)],
+    ),
+    simulation(
+        "s5.4-hopf",
+        "Section 5.4",
+        "In the Hopf region close to the oscillatory one a stays uniform, w0,1 (here ψ = 34, p = 0.26).",
+        cases.HOPF,
+        [Check("a is uniform: its spread over its mean", nonuniformity, 0.0361, high=UNIFORM)],
+    ),
+    simulation(
+        "s5.4-hopf-inside",
+        "Section 5.4, results not shown",
+        "With an oscillatory instability near the rim and a Hopf instability inside, a is that of w0,1 (here "
+        "ψ = 34.8, p = 0.8, where b of w1,1 changes its sign with δ).",
+        cases.HOPF_INSIDE,
+        [Check("a is uniform: its spread over its mean", nonuniformity, 0.0361, high=UNIFORM)],
+    ),
+    simulation(
+        "s5.4-raise-psi",
+        "Section 5.4",
+        "With Table 2 otherwise, raising ψ makes deformations non-uniform (here ψ = 1.3e3, p = 0.26).",
+        cases.RAISED,
+        [Check("non-uniform: rim's deviation from a circle", unevenness, 0.0722, low=UNIFORM)],
+    ),
+    Row(
+        "s5.4-kinds",
+        "Sections 5.4 and 7",
+        "Depending on p and ψ the cell expands uniformly, contracts uniformly or deforms non-uniformly.",
+        all_kinds,
+        tuple(case.studies()[0] for case in (cases.FIG16, cases.FIG17, cases.FIG19)),
+    ),
+    Row(
+        "s5-remark5.1-others",
+        "Remark 5.1",
+        "The saturation concentration and the pressure coefficient also play a key role.",
+        other_parameters,
+    ),
     *(
         simulation(
             f"s5.4-uniform-p-{dict(case.changes)['parameters.p']:g}",
@@ -182,15 +196,47 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
         "s5-remark5.1",
         "Remark 5.1, Section 7",
         "The contractile tonicity is the bifurcation parameter that takes the steady state to instability.",
-        _tonicity_sets_the_transition,
+        tonicity_sets_the_transition,
     ),
-    _row_of_realistic(),
+    *_rows_of_realistic(),
     simulation(
         "s7-regions",
         "Section 7",
         "Regions with high actin are those with large deformation (shown on Fig. 14's cell).",
         cases.FIG14,
         [Check("actin is high where the rim protrudes: correlation", rim_agreement, 0.1636, low=0.5)],
+    ),
+    simulation(
+        "s7-converse",
+        "Section 7",
+        "Regions of the cell with large displacements have high actin (shown on Fig. 14's cell).",
+        cases.FIG14,
+        [Check("a and |u| go together: correlation", displacement_agreement, 0.1636, low=0.5)],
+    ),
+    simulation(
+        "s7-uniform",
+        "Sections 5.3 and 7",
+        "If actin is uniform the cell expands or contracts uniformly and isotropically (Fig. 16's cell).",
+        cases.FIG16,
+        [
+            Check("a is uniform: its spread over its mean", nonuniformity, 0.0361, high=UNIFORM),
+            *_uniform(0.0361),
+        ],
+    ),
+    simulation(
+        "s7-heaviside",
+        "Section 7",
+        "The Heaviside function lets pressure- and polymerisation-induced protrusion be told apart (Fig. "
+        "16's cell without the ring: only osmotic pressure).",
+        cases.NO_RING,
+        [Check("does not expand without the ring: area change", area_change, 0.0361, -1e-3, 1e-3)],
+        "A uniform pressure has no gradient and moves nothing: all of Fig. 16's expansion is the ring's.",
+    ),
+    Row(
+        "s7-experiment",
+        "Section 7",
+        "High actin goes with large deformation in complete agreement with experimental observations.",
+        observations,
     ),
     simulation(
         "s7-expansion",

@@ -1,13 +1,13 @@
 """Rows of the audit: Figs. 1 to 5, 21 to 23 and the predicted panels of Figs. 6 to 9."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
 
 from actin_xcheck.atlas.curves import pictures, plots
+from actin_xcheck.atlas.regions import maps
 from actin_xcheck.audit.row import Finding, Judgement, Row
 from actin_xcheck.audit.theory.measures import circle, found, rounds_to
 from actin_xcheck.audit.theory.tables import INITIAL, components, shown
@@ -239,8 +239,8 @@ def _isolating(key: str, psi: float, printed: dict[Mode, tuple[str, str]]) -> Fi
     )
 
 
-def _plane(maps: Callable[[], tuple[Exhibit, ...]]) -> Finding:
-    """Fig. 23a: the order of its regions along psi at two pressures; `maps` gives the pictures."""
+def _plane() -> Finding:
+    """Fig. 23a: the order of its regions along psi at two pressures, and its maps."""
     rows: list[tuple[str, ...]] = [("p", "relation", "mode", "damped from", "grows from", "real from")]
     ordered = []
     for p in (0.26, 0.8):
@@ -372,7 +372,7 @@ THEORY_FIGURES: tuple[Row, ...] = (
         "Fig. 23a",
         "Along ψ: stable, H, oscillatory OS1 of w1,1, Turing with w1,1 alone, oscillatory OS2 of w2,1, Turing"
         " with both.",
-        partial(_plane, maps=tuple),
+        _plane,
     ),
     Row(
         "fig23b",

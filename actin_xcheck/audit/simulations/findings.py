@@ -1,0 +1,156 @@
+"""Findings about simulations that are no intervals: failures, initial conditions, several cases at once."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from actin_xcheck.audit.row import Finding, Judgement
+from actin_xcheck.audit.simulations.figures import UNIFORM, W11, W21, W31, W41
+from actin_xcheck.audit.simulations.readouts import area_change, front_height, fronts, mode_share, unevenness
+from actin_xcheck.audit.simulations.studies import Evidence
+from actin_xcheck.model import Delta
+from actin_xcheck.prediction import active_slope, k2_crit, threshold
+from actin_xcheck.scene import load_scene
+
+FAILING = load_scene("sec54-failure")
+_GROWTH = active_slope(replace(FAILING.physics, delta=Delta.NONE)) / FAILING.parameters.mu
+"""f'/mu, the rate at which short waves grow there (3.6); diffusion cuts it off at k_crit only."""
+
+
+def fails(published: Evidence, kept: Evidence, resolved: Evidence) -> Finding:
+    """Section 5.4's failure: what ends the run as published, and what a resolved step does."""
+    ends = [
+        f"{evidence.study.reading}, Δt = {dt:g}: {run.attributes['outcome']}"
+        + (f" ({run.attributes['message']})" if run.attributes["message"] else "")
+        for evidence in (published, kept, resolved)
+        for (_, dt), run in evidence.runs.items()
+    ]
+    (level,) = published.runs
+    (fine,) = resolved.runs
+    as_published, small = (e.runs[level] for e, level in ((published, level), (resolved, fine)))
+    broke = as_published.attributes["outcome"] != "completed"
+    numbers = {
+        "growth per step as published": _GROWTH * level[1],
+        "area change at the end as published": float(np.ptp(as_published.series["area"])),
+        "largest a as published": float(as_published.series["a_max"].max()),
+        "largest a, resolved step": float(small.series["a_max"].max()),
+    }
+    return Finding(
+        Judgement.IN_KIND if broke else Judgement.NOT_REPRODUCED,
+        "; ".join(ends) + f". A step of {level[1]:g} lets f'/μ = {_GROWTH:.0f} act for "
+        f"{_GROWTH * level[1]:.1f} units; the largest a is then {numbers['largest a as published']:.3g}.",
+        (
+            "The run ends as the article says. "
+            if broke
+            else "The scheme runs on to its end instead of failing. "
+        )
+        + "With that step no growth of this model is resolved: what ends, or does not, is the scheme. Under "
+        "the viscoelastic reading the model itself ends where 1 + φ reaches 0.",
+        numbers=numbers,
+    )
+
+
+def tonicity_sets_the_transition() -> Finding:
+    """Remark 5.1 and Section 7: psi is the bifurcation parameter."""
+    cell = replace(load_scene("fig14-four-fronts").physics, delta=Delta.NONE)
+    found = threshold(cell, 0)
+    rest = threshold(replace(cell, parameters=replace(cell.parameters, p=0.0)), 0)
+    holds = found.psi is not None and rest.psi is not None
+    return Finding(
+        Judgement.REPRODUCED if holds else Judgement.NOT_REPRODUCED,
+        f"The moving cell's first mode (m = 0) grows for ψ > {found.psi:.3f} at p = 0.26 and "
+        f"ψ > {rest.psi:.3f} at p = 0, both as {found.crossing}s; no mode grows at ψ = 0.",
+        "The steady state loses stability as ψ grows, and p moves the threshold. Its value is not the "
+        "article's 62.4, which belongs to a static wall.",
+        numbers={"psi* at p = 0.26": found.psi or np.nan, "psi* at p = 0": rest.psi or np.nan},
+    )
+
+
+def realistic(*evidence: Evidence) -> Finding:
+    """Section 6: four fronts, on meshes that cannot resolve what is unstable."""
+    (study,) = evidence
+    cell = load_scene("sec6-realistic").physics
+    k_crit = np.sqrt(k2_crit(replace(cell, delta=Delta.NONE)))
+    end = study.finest.times[-1]
+    heights = {level: front_height(4)(run, end) for level, run in study.runs.items()}
+    counts = {level: fronts(run, end) for level, run in study.runs.items()}
+    four = all(count == 4 for count in counts.values())
+    spread = max(heights.values()) - min(heights.values())
+    return Finding(
+        Judgement.IN_KIND if four else Judgement.NOT_REPRODUCED,
+        f"At t = {end:g} the strongest harmonic of the rim is "
+        + ", ".join(f"{counts[level]:.0f} on mesh {level[0]}" for level in counts)
+        + f"; the fourth is {min(heights.values()):.3g} to {max(heights.values()):.3g} of the radius.",
+        f"Four fronts are in the initial condition. k_crit = {k_crit:.0f}: the shortest unstable wave is "
+        f"{2 * np.pi / k_crit:.3g} radii long, no mesh here resolves it, and the fronts' height changes by "
+        f"{spread / max(heights.values()):.0%} between meshes: their number can be judged, not their size.",
+        numbers={f"fourth harmonic, mesh {level[0]}, dt {level[1]:g}": h for level, h in heights.items()},
+    )
+
+
+def observations() -> Finding:
+    """Section 7: agreement with experiments that are cited."""
+    return Finding(
+        Judgement.UNDECIDABLE,
+        "The experiments are cited, not tabulated: there is no number to compare with.",
+        "Agreement with photographs of other cells is a matter of the eye.",
+    )
+
+
+def bias(evidence: Evidence) -> Finding:
+    """Section 6: what |sin x sin y| contains, and what is left of it."""
+    run = evidence.finest
+    modes = {"w4,1": (W41, 4), "w2,1": (W21, 2), "w1,1": (W11, 1), "w3,1": (W31, 3)}
+    shares = {name: mode_share(field, m)(run, 0.0) for name, (field, m) in modes.items()}
+    others = max(share for name, share in shares.items() if name != "w4,1")
+    return Finding(
+        Judgement.REPRODUCED if shares["w4,1"] > 0.5 and others < 1e-9 else Judgement.NOT_REPRODUCED,
+        "Correlation of the initial a with "
+        + ", ".join(f"{name} {s:.2g}" for name, s in shares.items())
+        + ".",
+        "|sin x sin y| is even in x and y and unchanged by a quarter turn: of these it can hold w4,1 only.",
+        numbers=shares,
+    )
+
+
+def all_kinds(expanding: Evidence, contracting: Evidence, uneven: Evidence) -> Finding:
+    """Sections 5.4 and 7: the three kinds of deformation."""
+    grown, shrunk = (e.limit(area_change, 0.0361) for e in (expanding, contracting))
+    rim = uneven.limit(unevenness, 0.0361)
+    kinds = (grown.value > grown.uncertainty, -shrunk.value > shrunk.uncertainty, rim.value > UNIFORM)
+    return Finding(
+        Judgement.IN_KIND if all(kinds) else Judgement.NOT_REPRODUCED,
+        f"At t = 0.0361 the area changes by {grown} (p = 0.433) and {shrunk} (p = -0.433) at "
+        f"ψ = 70.366; the rim deviates from a circle by {rim} at ψ = 1.3e3, p = 0.026.",
+        "The signs of p and the size of ψ select the kind: "
+        + ", ".join(
+            f"{name} {'occurs' if kind else 'does not occur'}"
+            for name, kind in zip(
+                ("uniform expansion", "uniform contraction", "non-uniform deformation"), kinds, strict=True
+            )
+        )
+        + ".",
+        numbers={"expansion": grown.value, "contraction": shrunk.value, "unevenness": rim.value},
+    )
+
+
+def other_parameters() -> Finding:
+    """Remark 5.1: a_sat and p move the threshold."""
+    cell = replace(load_scene("fig14-four-fronts").physics, delta=Delta.NONE)
+    found = {
+        f"a_sat = {a_sat:g}, p = {p:g}": threshold(
+            replace(cell, parameters=replace(cell.parameters, a_sat=a_sat, p=p)), 0
+        ).psi
+        or np.nan
+        for a_sat, p in ((1.4, 0.26), (1.1, 0.26), (0.6, 0.26), (1.4, 1.0))
+    }
+    base = found["a_sat = 1.4, p = 0.26"]
+    moved = all(abs(psi / base - 1) > 0.01 for name, psi in found.items() if psi != base)
+    return Finding(
+        Judgement.REPRODUCED if moved else Judgement.NOT_REPRODUCED,
+        "The cell's threshold ψ* (m = 0) is "
+        + ", ".join(f"{psi:.2f} for {name}" for name, psi in found.items())
+        + ".",
+        "a_sat enters through σ'(1) (3.9) and p through the stiffness 1 + ν' - p.",
+        numbers=found,
+    )
