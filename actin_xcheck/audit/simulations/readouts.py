@@ -130,10 +130,14 @@ def growth_of(field: Field) -> Readout:
     return lambda run, t: amplitude(run, frame_at(run, t)) / amplitude(run, 0)
 
 
+def largest_displacement(run: Run, t: float) -> float:
+    """Largest |u|, in radii."""
+    return float(np.hypot(*(run.points[frame_at(run, t)] - run.xi)).max())
+
+
 def displacement_over_contrast(run: Run, t: float) -> float:
     """Largest displacement over the spread of the concentration."""
-    frame = frame_at(run, t)
-    return float(np.hypot(*(run.points[frame] - run.xi)).max() / np.ptp(run.a_points[frame]))
+    return largest_displacement(run, t) / float(np.ptp(run.a_points[frame_at(run, t)]))
 
 
 def displacement_agreement(run: Run, t: float) -> float:
