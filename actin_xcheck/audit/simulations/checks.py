@@ -8,7 +8,7 @@ of what the article leaves ambiguous.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -118,7 +118,11 @@ def simulation(
     """Return the row of one simulation; `because` says what is known of the reason beyond the numbers."""
 
     def examine(*evidence: Evidence) -> Finding:
-        return _judged(checks, because, *evidence)
+        finding = _judged(checks, because, *evidence)
+        if not key.startswith("fig"):  # a sentence's cell is shown with its figure
+            return finding
+        fem, fv, *_ = evidence
+        return replace(finding, exhibits=(_film(fem), *finding.exhibits, *_courses(fem, fv)))
 
     return Row(key, place, statement, examine, case.studies())
 
@@ -137,7 +141,8 @@ def _judged(
     giving = [name for name, found in states.items() if all(state == HOLDS for state in found)]
     if giving:
         judgement = Judgement.IN_KIND
-        reason = f"Every check holds beyond the numerical uncertainty as read: {'; '.join(giving)}."
+        under = "; ".join(giving) if len(giving) < len(states) else f"all {len(states)} readings"
+        reason = f"Every check holds beyond the numerical uncertainty under {under}."
     elif any(all(state != FAILS for state in found) for found in states.values()):
         judgement = Judgement.UNDECIDABLE
         reason = "No reading fails, but a check is closer to its bound than the numerical uncertainty."
@@ -157,7 +162,7 @@ def _judged(
         judgement,
         "; ".join(_computed(check, fem, fv) for check in checks) + ".",
         " ".join(filter(None, [reason, because, *(f"Ended early: {message}." for message in failures[:3])])),
-        (_sheet(checks, fem, fv, readings), _film(fem), *_courses(fem, fv)),
+        (_sheet(checks, fem, fv, readings),),
         _numbers(checks, fem, fv),
     )
 
