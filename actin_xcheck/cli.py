@@ -40,6 +40,9 @@ Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
 ]
 Dt = Annotated[float | None, typer.Option(help="Largest time step.")]
+Rtol = Annotated[
+    float | None, typer.Option(help="Let adaptive methods choose steps with this local error.", min=1e-13)
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
 
@@ -62,6 +65,7 @@ def compare_command(
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     refine: Refine = None,
     dt: Dt = None,
+    rtol: Rtol = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -81,7 +85,7 @@ def compare_command(
     _make_folder(folder)
     for stale in ("comparison.h5", "index.html"):  # a page must never stand beside runs it is not made of
         (folder / stale).unlink(missing_ok=True)
-    jobs = comparison.jobs_of(loaded, methods, folder, refine, dt)
+    jobs = comparison.jobs_of(loaded, methods, folder, refine, dt, rtol)
     for scene in loaded:
         _warn_of(scene)
     with Progress(quiet) as progress:
@@ -103,12 +107,16 @@ def run_command(
     out_file: Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")],
     refine: Refine = None,
     dt: Dt = None,
+    rtol: Rtol = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Run one scene with one method; exit code 1 (and a file that says why) where the run fails."""
     _positive(dt)
     loaded, chosen = load_scene(scene), find_method(method)
+    if rtol is not None and not chosen.adaptive:
+        adaptive = ", ".join(method.name for method in METHODS.values() if method.adaptive)
+        raise UserError(f"--rtol: {chosen.name} takes equal steps; valid with {adaptive}, or --dt instead")
     if out_file.suffix != ".vtkhdf":
         raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
     if out_file.is_dir():
@@ -118,10 +126,17 @@ def run_command(
     _make_folder(out_file.parent)
     refine, dt = numerics(loaded, refine, dt)
     _warn_of(loaded)
+    job = comparison.Job(loaded, chosen, refine, dt, out_file, rtol)
     with Progress(quiet) as progress:
-        label = f"{loaded.name} · {chosen.name}"
         outcome = run(
-            loaded, chosen, refine, dt, out_file, _command(), lambda done, n: progress.report(label, done, n)
+            loaded,
+            chosen,
+            refine,
+            dt,
+            out_file,
+            _command(),
+            lambda done, total: progress.report(job.label, done, total),
+            rtol,
         )
     print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)

@@ -29,6 +29,7 @@ class Job:
     refine: int
     dt: float
     path: Path
+    rtol: float | None = None
 
     @property
     def label(self) -> str:
@@ -45,21 +46,29 @@ class Job:
     def command(self) -> str:
         """The command that makes this run again."""
         words = ["run", self.scene.origin, "--method", self.method.name, "--refine", str(self.refine)]
-        return "python -m actin_xcheck " + shlex.join(
-            [*words, "--dt", repr(self.dt), "--out", self.path.name]
-        )
+        words += ["--dt", repr(self.dt)] if self.rtol is None else ["--rtol", repr(self.rtol)]
+        return "python -m actin_xcheck " + shlex.join([*words, "--out", self.path.name])
 
 
 def jobs_of(
-    scenes: Sequence[Scene], methods: Sequence[Method], folder: Path, refine: int | None, dt: float | None
+    scenes: Sequence[Scene],
+    methods: Sequence[Method],
+    folder: Path,
+    refine: int | None,
+    dt: float | None,
+    rtol: float | None = None,
 ) -> list[Job]:
-    """Return the runs of a comparison, each with a file of its own in `folder`."""
+    """Return the runs of a comparison, each with a file of its own in `folder`.
+
+    `rtol` is for the adaptive methods among them; the others take equal steps of at most `dt`.
+    """
     jobs = []
     for scene in scenes:
         _, step = numerics(scene, refine, dt)
         for method in methods:
             path = folder / f"{scene.name}--{method.name}.vtkhdf"
-            jobs.append(Job(scene, method, refine or DEFAULT_REFINE, step, path))
+            tolerance = rtol if method.adaptive else None
+            jobs.append(Job(scene, method, refine or DEFAULT_REFINE, step, path, tolerance))
     return jobs
 
 
@@ -105,4 +114,5 @@ def _run(job: Job, report: Report) -> None:
         job.path,
         job.command,
         lambda done, total: report(job.label, done, total),
+        job.rtol,
     )

@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
 SECONDS_BETWEEN_LINES = 10.0
@@ -21,7 +21,7 @@ class Progress:
         self.bars = Bars(
             TextColumn("{task.description}"),
             BarColumn(),
-            MofNCompleteColumn(),
+            TaskProgressColumn(),
             TimeRemainingColumn(),
             console=console,
             disable=quiet or not console.is_terminal,
@@ -40,7 +40,7 @@ class Progress:
         self.bars.stop()
 
     def report(self, label: str, done: int, total: int) -> None:
-        """Steps done of steps in all for the run called `label`."""
+        """Parts done of parts in all for the work called `label`."""
         if self.bars.disable:
             self._line(label, done, total)
             return
@@ -55,4 +55,4 @@ class Progress:
             return
         self.said[label] = now
         left = (now - began) / done * (total - done) if done else float("nan")
-        print(f"{label}: {done}/{total} steps, {left:.0f} s left", file=sys.stderr, flush=True)
+        print(f"{label}: {done / total:.0%}, {left:.0f} s left", file=sys.stderr, flush=True)

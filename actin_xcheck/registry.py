@@ -26,6 +26,9 @@ class Method:
         balance.
     order_h, order_dt : declared orders of accuracy; 0 where the method does not converge.
     description : one line for lists and reports.
+    space : polynomial order of the mesh and of the force balance on it.
+    options : further arguments of the solver.
+    adaptive : whether it estimates its error in time, so that it can choose its steps.
     """
 
     name: str
@@ -34,6 +37,14 @@ class Method:
     order_h: float
     order_dt: float
     description: str
+    space: int = 1
+    options: tuple[tuple[str, int], ...] = ()
+    adaptive: bool = False
+
+    @property
+    def family(self) -> str:
+        """The code it belongs to: "fem" or "fv"."""
+        return self.solver.split(".")[0]
 
 
 METHODS = {

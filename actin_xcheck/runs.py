@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from actin_xcheck.errors import UserError
 from actin_xcheck.motion import PrescribedMotion, RecordedMotion
 from actin_xcheck.registry import FORCE_BALANCE, Method, find_method, load
 from actin_xcheck.resolve import mesh_of, mode_field, resolve, starts_from_steady_state
 from actin_xcheck.result import Outcome
 from actin_xcheck.scene import Scene
 from actin_xcheck.solver import Mechanics, Solver
-from actin_xcheck.stepping import integrate, step_count
+from actin_xcheck.stepping import Tolerance, integrate
 from actin_xcheck.store import RunWriter, provenance
 from actin_xcheck.watch import Amplitude, Corners, Paths, Progress, Recorder
 
@@ -42,24 +43,32 @@ def bind(scene: Scene, method: Method, refine: int, dt: float, perturbed: bool =
     if problem.motion is not None:
         mechanics = PrescribedMotion(mesh, problem.motion)
     elif method.driven_by is None:
-        mechanics = load(FORCE_BALANCE)(problem.model, mesh)
+        mechanics = load(FORCE_BALANCE)(problem.model, mesh, method.space)
     else:
         driver, paths = bind(scene, find_method(method.driven_by), refine, dt, perturbed), Paths()
         outcome = integrate(driver, dt, scene.output_times, paths)
         mechanics = RecordedMotion(np.array(paths.times), tuple(paths.moves), outcome)
-    solver: Solver = load(method.solver)(problem, mesh, mechanics)
+    solver: Solver = load(method.solver)(problem, mesh, mechanics, **dict(method.options))
     return solver
 
 
-def amplitude_of(scene: Scene, method: Method, solver: Solver, refine: int, dt: float) -> Amplitude | None:
+def amplitude_of(
+    scene: Scene, method: Method, solver: Solver, refine: int, dt: float, rtol: float | None = None
+) -> Amplitude | None:
     """What measures the growth of the scene's mode in a run of `solver`; None where it names no mode.
 
-    Runs the unperturbed twin first, unless it is the steady state a = 1.
+    Runs the unperturbed twin first, unless it is the steady state a = 1; UserError where its steps, chosen by
+    their error, would not be the run's.
     """
     if scene.mode is None:
         return None
     if starts_from_steady_state(scene):
         return Amplitude(scene, solver.mesh)
+    if rtol is not None:
+        raise UserError(
+            f"{scene.origin}: growth is measured against an unperturbed run, step by step; "
+            "valid: --dt without --rtol"
+        )
     twin = bind(scene, method, refine, dt, perturbed=False)
     corners = Corners(twin)
     integrate(twin, dt, scene.output_times, corners)
@@ -74,6 +83,7 @@ def run(
     path: Path,
     command: str = "",
     progress: Progress = lambda done, total: None,
+    rtol: float | None = None,
 ) -> Outcome:
     """Run a scene with a method and store everything about it.
 
@@ -85,6 +95,7 @@ def run(
     path : the `.vtkhdf` file to write (replaced atomically where it exists).
     command : what reproduces the run.
     progress : called after every step.
+    rtol : largest local error of a step, for an adaptive method; None for equal steps.
 
     Returns
     -------
@@ -92,13 +103,13 @@ def run(
     """
     began = time.perf_counter()
     solver = bind(scene, method, refine, dt)
-    amplitude = amplitude_of(scene, method, solver, refine, dt)
+    amplitude = amplitude_of(scene, method, solver, refine, dt, rtol)
     delta = scene.physics.delta_on_cells(solver.mesh.centroids)
-    attributes = _attributes(scene, method, refine, dt, command)
+    attributes = _attributes(scene, method, refine, dt, command) | {"rtol": np.nan if rtol is None else rtol}
     with RunWriter(path, solver.mesh.xi, solver.mesh.triangles, delta, attributes) as writer:
-        steps = step_count(dt, scene.output_times)
-        recorder = Recorder(scene, solver, writer, amplitude, steps, progress)
-        outcome = integrate(solver, dt, scene.output_times, recorder)
+        recorder = Recorder(scene, solver, writer, amplitude, progress)
+        tolerance = None if rtol is None else Tolerance(rtol, method.order_dt)
+        outcome = integrate(solver, dt, scene.output_times, recorder, tolerance)
         writer.finish(outcome, time.perf_counter() - began)
     return outcome
 

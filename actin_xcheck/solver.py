@@ -84,6 +84,8 @@ class State:
     v : node velocities over the last step, (2, N).
     balance_residual : the scheme's own discrete conservation law, relative to total actin.
     net_force, net_torque : loads carried by the gauge of `traction-free` over the last step.
+    local_error : the method's own estimate of the error the last step made, relative: the larger of that in
+        positions (radii) and in a (L2); nan for a method without one.
     """
 
     t: float
@@ -93,6 +95,7 @@ class State:
     balance_residual: float = 0.0
     net_force: tuple[float, float] = (0.0, 0.0)
     net_torque: float = 0.0
+    local_error: float = float("nan")
 
 
 class Solver(Protocol):

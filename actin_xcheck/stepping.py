@@ -1,7 +1,7 @@
-"""The one time loop: fixed steps that land on every output time, a failed step ends the run as a value."""
+"""The one time loop: steps that land on every output time; a failed step ends the run as a value."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil
 from typing import Protocol
@@ -34,8 +34,28 @@ def _steps(start: float, end: float, dt: float) -> int:
     return max(1, ceil((end - start) / dt * (1 - 1e-9)))
 
 
-def integrate(solver: Solver, dt: float, output_times: Sequence[float], observer: Observer) -> Outcome:
-    """Run from t = 0 through the output times in equal steps of at most dt between them.
+@dataclass(frozen=True)
+class Tolerance:
+    """What an adaptive run is asked for.
+
+    Attributes
+    ----------
+    relative : largest local error a step may make, in the sense of `State.local_error`.
+    order : of the method; a step's error estimate falls like its power.
+    """
+
+    relative: float
+    order: float
+
+
+def integrate(
+    solver: Solver,
+    dt: float,
+    output_times: Sequence[float],
+    observer: Observer,
+    tolerance: Tolerance | None = None,
+) -> Outcome:
+    """Run from t = 0 through the output times.
 
     Parameters
     ----------
@@ -43,6 +63,7 @@ def integrate(solver: Solver, dt: float, output_times: Sequence[float], observer
     dt : the largest step.
     output_times : increasing, positive; the last one is the end.
     observer : sees every state and every output.
+    tolerance : None for equal steps between the output times; else steps are chosen by their error.
 
     Returns
     -------
@@ -52,23 +73,73 @@ def integrate(solver: Solver, dt: float, output_times: Sequence[float], observer
     outcome = orientation(solver.mesh, 0.0, state.x)
     observer.record(0.0, state)
     observer.frame(state)
+    controller = None if tolerance is None else Controller(tolerance, dt)
     for start, end in pairwise((0.0, *output_times)):
         steps = _steps(start, end, dt)
-        for k in range(steps):
-            if outcome.ok:
-                state, outcome = _checked_step(solver, state, (end - start) / steps)
+        while state.t < end:
+            if outcome.ok and controller is not None:
+                new, outcome = controller.step(solver, state, end)
+            elif outcome.ok:
+                new, outcome = checked_step(solver, state, (end - start) / steps)
             if not outcome.ok:
                 if state.t > start:  # the last state that stands is worth a picture
                     observer.frame(state)
                 return outcome
-            if k == steps - 1:
-                state = replace(state, t=end)
-            observer.record((end - start) / steps, state)
+            if abs(new.t - end) < 1e-9 * (end - start):
+                new = replace(new, t=end)
+            observer.record(new.t - state.t, new)
+            state = new
         observer.frame(state)
     return outcome
 
 
-def _checked_step(solver: Solver, state: State, dt: float) -> tuple[State, Outcome]:
+class Controller:
+    """Chooses steps by their error: proportional and integral control (Soderlind, ACM TOMS 29, 2003).
+
+    Parameters
+    ----------
+    tolerance : what is asked for.
+    largest : the largest step.
+    """
+
+    def __init__(self, tolerance: Tolerance, largest: float) -> None:
+        self.tolerance, self.largest = tolerance, largest
+        self.dt = min(largest, 1e-3)
+        self.before = 1.0
+
+    def step(self, solver: Solver, state: State, end: float) -> tuple[State, Outcome]:
+        """One step that meets the tolerance and does not pass `end`; tries again with smaller ones.
+
+        A step that fails is tried again too, for the failure may be the step's; at `SMALLEST` of the time
+        that has passed it is the state's, and its Outcome stands.
+        """
+        order, goal = self.tolerance.order, self.tolerance.relative
+        while True:
+            left = end - state.t
+            # the last two steps before an output time share what is left
+            dt = left if self.dt >= left * (1 - 1e-9) else min(self.dt, left / 2)
+            new, outcome = checked_step(solver, state, dt)
+            error = max(new.local_error / goal, 1e-10) if outcome.ok else np.inf
+            if error <= 1:
+                factor = 0.9 * error ** (-0.7 / order) * self.before ** (0.4 / order)
+                grown = dt * min(max(factor, 0.2), 5.0)
+                # a step cut short by an output time says nothing against the one before it
+                self.dt = min(self.largest, max(grown, self.dt) if dt < self.dt else grown)
+                self.before = error
+                return new, outcome
+            if dt < SMALLEST * max(state.t, 1e-3):
+                if not outcome.ok:
+                    return state, outcome
+                message = f"a step of {dt:.2g} at t = {state.t:.6g} still misses the tolerance {goal:g}"
+                return state, Outcome(Ending.STEP_TOO_SMALL, message)
+            self.dt = dt * (0.25 if not outcome.ok else min(max(0.9 * error ** (-1 / order), 0.1), 0.9))
+
+
+SMALLEST = 1e-9
+"""Of the time that has passed: smaller steps are not tried."""
+
+
+def checked_step(solver: Solver, state: State, dt: float) -> tuple[State, Outcome]:
     """One step; a rejected one returns the state it started from."""
     new, outcome = solver.step(state, dt)
     if outcome.ok and not np.isfinite(new.a).all():

@@ -13,7 +13,10 @@ from actin_xcheck.solver import Move, Solver, State
 from actin_xcheck.store import RunWriter
 
 Progress = Callable[[int, int], None]
-"""Called with steps done and steps in all."""
+"""Called with how many of how many parts of a run's time are done."""
+
+PARTS = 1000
+"""Of a run's time, for its progress: steps are of different lengths."""
 
 
 class Paths:
@@ -85,11 +88,11 @@ class Recorder:
         solver: Solver,
         writer: RunWriter,
         amplitude: Amplitude | None,
-        steps: int,
         progress: Progress,
     ) -> None:
         self.solver, self.mesh, self.writer = solver, solver.mesh, writer
-        self.amplitude, self.steps, self.progress, self.step = amplitude, steps, progress, 0
+        self.amplitude, self.progress, self.step = amplitude, progress, 0
+        self.end = scene.output_times[-1]
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
         self.probes = locate(self.mesh, turn_matrix(scene) @ points)
         self.gauged = scene.physics.closure is Closure.TRACTION_FREE
@@ -104,6 +107,7 @@ class Recorder:
             "area": observables.area(state.x, mesh.triangles),
             "total_actin": observables.total_actin(state.x, mesh.triangles, corners),
             "balance_residual": state.balance_residual,
+            "local_error": state.local_error,
             "centroid": observables.centroid(state.x, mesh.triangles),
             "polarity": observables.polarity(state.x[:, mesh.rim_nodes]),
             "a_min": state.a.min(),
@@ -118,7 +122,7 @@ class Recorder:
         if self.amplitude is not None:
             row["mode_amplitude"] = self.amplitude(self.step, corners)
         self.writer.record(row)
-        self.progress(self.step, self.steps)
+        self.progress(round(PARTS * state.t / self.end), PARTS)
         self.step += 1
 
     def frame(self, state: State) -> None:

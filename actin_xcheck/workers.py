@@ -11,7 +11,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 Report = Callable[[str, int, int], None]
-"""Called with a label, steps done and steps in all."""
+"""Called with a label, parts done and parts in all."""
 
 
 def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], report: Report) -> list[Result]:

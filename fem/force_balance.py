@@ -9,7 +9,6 @@ import scipy.sparse as sp
 from actin_xcheck.geometry import Mesh
 from actin_xcheck.linear import SymmetricSolver
 from actin_xcheck.model import Array, Closure, Model, Rheology
-from actin_xcheck.observables import centroid
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 from actin_xcheck.solver import Move
 from fem.boundary import Constraint, rigid_motions, settle
@@ -56,7 +55,7 @@ class ForceBalance:
 
     @cached_property
     def bases(self) -> Bases:
-        """The same space in scikit-fem's terms, for forms that are assembled once."""
+        """P1 on the mesh in scikit-fem's terms, for forms that are assembled once."""
         return Bases.on(self.mesh)
 
     def start(self, x: Array) -> Array:
@@ -130,8 +129,9 @@ class ForceBalance:
 
     def rigid(self, x: Array) -> tuple[Array, Array]:
         """Rigid motions and their area-weighted images M r, both (2N, 3)."""
-        rigid = rigid_motions(x, centroid(x, self.mesh.triangles))
         mass = self.space.scalars.matrix(self.space.inside.at(x).mass())
+        weights = mass @ np.ones(x.shape[1])
+        rigid = rigid_motions(x, x @ weights / weights.sum())
         return rigid, sp.kron(mass, sp.identity(2), format="csr") @ rigid
 
     def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:

@@ -173,7 +173,10 @@ class Pattern:
 
     def sum(self, entries: Array) -> sp.csr_matrix:
         """Return the matrix of entries (k,)."""
-        data = bincount(self._place, entries, self._indices.size)
+        return self.matrix(bincount(self._place, entries, self._indices.size))
+
+    def matrix(self, data: Array) -> sp.csr_matrix:
+        """Return the matrix with these values, one for each of `rows` and `columns`, zeros included."""
         return sp.csr_matrix((data, self._indices, self._indptr), (self.size, self.size))
 
 

@@ -11,6 +11,7 @@ from actin_xcheck.model import Array
 from actin_xcheck.observables import area, balance_residual
 from actin_xcheck.result import Outcome
 from actin_xcheck.solver import Mechanics, Problem, State
+from fem.force_balance import ForceBalance
 from fem.space import Space
 
 
@@ -35,7 +36,10 @@ class FemP1Paper:
         self.problem = problem
         self.mesh = mesh
         self.mechanics = mechanics
-        self.space = Space.on(mesh, 1, problem.model.parameters.l0)
+        if isinstance(mechanics, ForceBalance):
+            self.space = mechanics.space
+        else:
+            self.space = Space.on(mesh, 1, problem.model.parameters.l0)
         pattern = self.space.scalars.pattern
         self._solver = SymmetricSolver(pattern.rows, pattern.columns, self.space.parts)
 
@@ -66,9 +70,9 @@ class FemP1Paper:
         space, mass = self.space, self._mass(new.x)
         source = self._source(new.t, new.x)
         rhs = old.mass @ (old.a + dt * rate) + dt * source
-        entries = (1 + dt * rate) * space.inside.at(new.x).mass()
-        entries += dt * d * space.gradients.at(new.x).stiffness()
-        a, outcome = self._solver.solve(space.scalars.matrix(entries), rhs)
+        stiffness = space.scalars.matrix(space.gradients.at(new.x).stiffness())
+        left = space.scalars.pattern.matrix((1 + dt * rate) * mass.data + dt * d * stiffness.data)
+        a, outcome = self._solver.solve(left, rhs)
         triangles = self.mesh.triangles
         residual = balance_residual(
             dt,

@@ -5,17 +5,14 @@ from functools import cached_property
 from itertools import permutations
 
 import numpy as np
-from numpy.polynomial import legendre
-from skfem import Basis, ElementLineP1, ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
+from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from actin_xcheck.geometry import Indices, Mesh, signed_areas
 from actin_xcheck.linear import nested_dissection
 from actin_xcheck.model import Array
+from fem.element import UNIFORM, lagrange
 from fem.kernels import RimRule, Rule, Scatter
-
-ELEMENTS = {1: ElementTriP1(), 2: ElementTriP2(), 3: ElementTriP3(), 4: ElementTriP4()}
-"""scikit-fem's Lagrange elements by order k."""
 
 CORNERS = np.array([[0.0, 1, 0], [0, 0, 1]])
 """Vertices of the reference triangle."""
@@ -28,7 +25,7 @@ SIDES = list(permutations(range(3), 2))
 class Space:
     """P_k on a disk of `geometry.disk`; node positions x (2, N) are themselves a P_k field.
 
-    Layers from the ring outwards are circles up to O(h^(k+1)), inner cells fade to straight ones.
+    Nodes on layers from the ring outwards are on true circles; inner cells fade to straight ones.
 
     Attributes
     ----------
@@ -51,9 +48,9 @@ class Space:
         # P3 and P4 number an edge's nodes from its lower to its higher vertex, hence the sorting
         triangles = np.sort(mesh.triangles, axis=0) if order > 2 else mesh.triangles
         flat = MeshTri(mesh.xi, triangles.astype(np.int32), sort_t=False)
-        cells = Basis(flat, ELEMENTS[order], intorder=1).element_dofs.astype(np.int64)
+        cells = Basis(flat, UNIFORM[order], intorder=1).element_dofs.astype(np.int64)
         xi = np.empty((2, cells.max() + 1))
-        xi[:, cells] = _positions(mesh, triangles, ring, order)
+        xi[:, cells] = _curved(mesh, triangles, ring, order)
         xi[:, : mesh.xi.shape[1]] = mesh.xi
         return cls(order, xi, cells, np.sign(signed_areas(mesh.xi, triangles)), mesh.rim)
 
@@ -69,8 +66,8 @@ class Space:
 
     def rule(self, degree: int) -> Rule:
         """Points in the cells, exact for polynomials of a degree on straight ones."""
-        points, weights = get_quadrature(ELEMENTS[self.order], degree)
-        values, slopes = self._tabulated(points)
+        points, weights = get_quadrature(UNIFORM[self.order], degree)
+        values, slopes = lagrange(self.order).tabulate(points)
         signed = weights[:, None] if self.order < 3 else weights[:, None] * self.orientation
         return Rule(self.cells, signed, values[..., None], slopes[..., None])
 
@@ -80,7 +77,7 @@ class Space:
         s, weights = get_quadrature(ElementLineP1, 2 * self.order + 1)
         start, end = self._rim_sides
         tables = {
-            (p, q): self._tabulated(CORNERS[:, [p]] + (CORNERS[:, [q]] - CORNERS[:, [p]]) * s)
+            (p, q): lagrange(self.order).tabulate(CORNERS[:, [p]] + (CORNERS[:, [q]] - CORNERS[:, [p]]) * s)
             for p, q in SIDES
         }
         of_edge = [tables[side] for side in zip(start.tolist(), end.tolist(), strict=True)]
@@ -92,8 +89,8 @@ class Space:
     def rim_nodes(self) -> Indices:
         """Nodes on the rim in counter-clockwise order, (k n_rim,)."""
         start, end = self._rim_sides
-        barycentric = _barycentric(ELEMENTS[self.order].doflocs.T)
-        along, on_edge = barycentric[end], np.isclose(barycentric[start] + barycentric[end], 1)
+        nodes = lagrange(self.order).nodes
+        along, on_edge = nodes[end], np.isclose(nodes[start] + nodes[end], 1)
         local = np.argsort(np.where(on_edge, along, np.inf), axis=1)[:, : self.order]
         return self.cells[local, self.rim_cells[:, None]].ravel()
 
@@ -136,44 +133,14 @@ class Space:
         order = np.argsort(keys)
         return order[np.searchsorted(keys, self.rim[0] * count + self.rim[1], sorter=order)]
 
-    def _tabulated(self, points: Array) -> tuple[Array, Array]:
-        """Basis functions (n_local, q) and their slopes (n_local, 2, q or 1) at reference points (2, q)."""
-        element = ELEMENTS[self.order]
-        basis = [element.lbasis(points, a) for a in range(self.cells.shape[0])]
-        values = np.array([np.broadcast_to(value, points.shape[1]) for value, _ in basis])
-        slopes = np.array([np.broadcast_to(slope, points.shape) for _, slope in basis])
-        slopes = slopes - slopes.mean(axis=0)  # a constant has no gradient; scikit-fem's P4 has one of 3e-14
-        return values, slopes[..., :1] if self.order == 1 else slopes
-
 
 def _interleaved(cells: Indices) -> Indices:
     """Vector unknowns (2 n_local, n_cells) of nodes (n_local, n_cells)."""
     return np.stack([2 * cells, 2 * cells + 1], axis=1).reshape(-1, cells.shape[1])
 
 
-def _barycentric(points: Array) -> Array:
-    """Barycentric coordinates (3, n) of points (2, n) of the reference triangle."""
-    return np.array([1 - points[0] - points[1], points[0], points[1]])
-
-
-def _positions(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
-    """Node positions (2, n_local, n_cells) whose P_k field interpolates the curved cells.
-
-    Along edges it does so at Gauss-Lobatto points: in uniform ones the area would converge at order k + 1 for
-    odd and k + 2 for even k, where it does at 2 k.
-    """
-    element = ELEMENTS[order]
-    barycentric = _barycentric(element.doflocs.T)
-    interior = legendre.Legendre.basis(order).deriv().roots()
-    lobatto = np.concatenate([[0.0], (1 + interior) / 2, [1.0]])
-    on_edge = np.isclose(barycentric, 0).any(axis=0)
-    sites = np.where(on_edge, lobatto[np.rint(order * barycentric).astype(int)], barycentric)
-    values = np.array([element.lbasis(sites[1:], a)[0] for a in range(sites.shape[1])])
-    return np.einsum("dpe,pa->dae", _curved(mesh, triangles, sites, ring, order), np.linalg.inv(values))
-
-
-def _curved(mesh: Mesh, triangles: Indices, barycentric: Array, ring: float, order: int) -> Array:
-    """Positions (2, n, n_cells) of points with the same barycentric coordinates (3, n) in every cell.
+def _curved(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
+    """Node positions (2, n_local, n_cells) in every cell.
 
     In a cell between two layers radius and layer number are linear, and so is the angle along each layer:
     that is `disk`'s own map between its nodes, but singular at the origin.  The departure from the straight
@@ -187,7 +154,7 @@ def _curved(mesh: Mesh, triangles: Indices, barycentric: Array, ring: float, ord
     angles = pivot + np.remainder(angles - pivot + np.pi, 2 * np.pi) - np.pi
 
     def mean(corner_values: Array) -> Array:
-        return np.einsum("cn,...ce->...ne", barycentric, corner_values)
+        return np.einsum("cn,...ce->...ne", lagrange(order).nodes, corner_values)
 
     radius, layer = mean(radii), mean(layers.astype(float))
     angle = mean(layers * angles) / np.where(layer > 0, layer, 1.0)

@@ -1,8 +1,8 @@
 """Additive Runge-Kutta pairs: explicit for the motion, L-stable and stiffly accurate for diffusion.
 
-Both halves share abscissae and weights, so that an order-p pair couples them to order p.  Order 2: Giraldo, Kelly
-and Constantinescu, SIAM J. Sci. Comput. 35 (2013); orders 3 and 4: Kennedy and Carpenter, Appl. Numer. Math. 44
-(2003), ARK3(2)4L[2]SA and ARK4(3)6L[2]SA.
+Both halves share abscissae and weights, so that an order-p pair couples them to order p.  Order 2: Giraldo,
+Kelly and Constantinescu, SIAM J. Sci. Comput. 35 (2013); orders 3 and 4: Kennedy and Carpenter, Appl. Numer.
+Math. 44 (2003), ARK3(2)4L[2]SA and ARK4(3)6L[2]SA.
 """
 
 from dataclasses import dataclass

@@ -18,8 +18,9 @@ from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import Parameters
 from actin_xcheck.result import Ending
 from fem import forms
+from fem.element import UNIFORM, lagrange
 from fem.force_balance import ForceBalance
-from fem.space import ELEMENTS, Space
+from fem.space import Space
 from tests.lab import local_orders
 
 ORDERS = (1, 2, 3, 4)
@@ -81,40 +82,37 @@ def lumpy(xi):
 
 
 class Plain:
-    """Fresh mesh and bases of plain scikit-fem with node positions x."""
+    """Fresh mesh and bases of plain scikit-fem on a configuration x of a space.
+
+    `change` (N, N) takes our nodal values to scikit-fem's, at uniform nodes; `vectors` does so for vectors.
+    """
 
     def __init__(self, space, x):
         k = space.order
-        mesh = MESHES[k](x, space.cells[:3].astype(np.int32), sort_t=False)
-        mapping = None if k == 1 else Mapping(mesh, ELEMENTS[k], Line(k))
-        scalar, vector = ELEMENTS[k], ElementVector(ELEMENTS[k])
+        local, _ = lagrange(k).tabulate(UNIFORM[k].doflocs.T)
+        dense = np.zeros((space.xi.shape[1],) * 2)
+        dense[space.cells, space.cells[:, None]] = local[..., None]
+        self.change = sp.csr_matrix(dense)
+        mesh = MESHES[k](x @ dense.T, space.cells[:3].astype(np.int32), sort_t=False)
+        mapping = None if k == 1 else Mapping(mesh, UNIFORM[k], Line(k))
+        scalar, vector = UNIFORM[k], ElementVector(UNIFORM[k])
         self.gradients = Basis(mesh, vector, mapping, intorder=2 * k - 2)
         self.inside = Basis(mesh, vector, mapping, intorder=2 * k)
         self.rim = FacetBasis(mesh, vector, mapping, intorder=2 * k + 1)
         self.scalar_gradients = self.gradients.with_element(scalar)
         self.scalar = self.inside.with_element(scalar)
         self.scalar_rim = self.rim.with_element(scalar)
-        # scikit-fem numbers vector unknowns otherwise for k > 1: ours[n, i] is theirs
-        self.place = np.empty((space.xi.shape[1], 2), dtype=int)
-        for i in range(2):
-            self.place[self.scalar.element_dofs, i] = self.gradients.element_dofs[i::2]
         assert np.array_equal(self.scalar.element_dofs, space.cells)
-
-    def vector(self, load):
-        return load[self.place.ravel()]
-
-    def matrix(self, matrix):
-        return matrix.tocsr()[self.place.ravel()][:, self.place.ravel()]
-
-    def field(self, nodal):
-        theirs = np.empty(nodal.size)
-        theirs[self.place] = nodal.T
-        return theirs
+        # scikit-fem numbers vector unknowns otherwise for k > 1: component i at node n is theirs[n, i]
+        theirs = np.empty((space.xi.shape[1], 2), dtype=int)
+        for i in range(2):
+            theirs[self.scalar.element_dofs, i] = self.gradients.element_dofs[i::2]
+        self.vectors = sp.kron(self.change, sp.identity(2), format="csr")[np.argsort(theirs.ravel())]
 
     def system(self, model, delta, u, a, dt):
         """A + dt B and F - B u of (B.23a), form by form, and the size of the loads that cancel in it."""
         matrix = forms.network(model, dt).assemble(self.gradients)
-        u = self.field(u)
+        u, a = self.vectors @ u.T.ravel(), self.change @ a
         u_inside, u_rim = self.inside.interpolate(u), self.rim.interpolate(u)
         a_inside, a_rim = (np.asarray(basis.interpolate(a)) for basis in (self.scalar, self.scalar_rim))
         f = model.active_stress(a_inside, div(u_inside), delta[:, None])
@@ -125,12 +123,18 @@ class Plain:
             mu1, one = model.viscous_moduli()[0], model.elastic_moduli()[0]
             matrix = matrix + forms.slip_friction(mu1 + dt * one).assemble(self.rim)
             load = load - forms.slip_friction(one).assemble(self.rim) @ u
-        return self.matrix(matrix), self.vector(load), abs(rim_load).max()
+        T = self.vectors
+        return T.T @ matrix @ T, T.T @ load, abs(rim_load).max()
 
 
-def same(ours, theirs, scale=None):
-    """Agreement to 1e-13 of the largest entry, or of the numbers that cancelled."""
-    return abs(ours - theirs).max() <= 1e-13 * (scale or abs(theirs).max())
+def same(ours, theirs, scale=None, bound=1e-13):
+    """Agreement to `bound` of the largest entry, or of the numbers that cancelled."""
+    return abs(ours - theirs).max() <= bound * (scale or abs(theirs).max())
+
+
+def rim_bound(k):
+    """The P4 slopes of scikit-fem carry 3e-14 of round-off; it measures edges without them, we do not."""
+    return 1e-13 if k < 4 else 5e-13
 
 
 @pytest.mark.parametrize("k", ORDERS)
@@ -138,14 +142,15 @@ def test_transport_matrices_and_sources_are_those_of_the_forms(k):
     space = Space.on(MESH, k, L0)
     x = moved(space.xi)
     plain = Plain(space, x)
-    assert same(space.scalars.matrix(space.inside.at(x).mass()), forms.mass.assemble(plain.scalar))
+    T = plain.change
+    assert same(space.scalars.matrix(space.inside.at(x).mass()), T.T @ forms.mass.assemble(plain.scalar) @ T)
     stiffness = space.scalars.matrix(space.gradients.at(x).stiffness())
-    assert same(stiffness, forms.stiffness.assemble(plain.scalar_gradients))
+    assert same(stiffness, T.T @ forms.stiffness.assemble(plain.scalar_gradients) @ T)
     place = np.asarray(plain.scalar.global_coordinates())
     ours = space.inside.blend(x[:, space.cells])
     assert same(ours, place.swapaxes(1, 2))
     source = space.scalars.vector(space.inside.at(x).load(lumpy(ours)))
-    assert same(source, forms.source.assemble(plain.scalar, s=lumpy(place)))
+    assert same(source, T.T @ forms.source.assemble(plain.scalar, s=lumpy(place)))
 
 
 @pytest.mark.parametrize("k", ORDERS)
@@ -161,12 +166,12 @@ def test_the_force_balance_is_that_of_the_forms(k, closure, rheology):
     )
     matrix, load, scale = plain.system(model, balance.delta, balance.displacement(x), a, DT)
     assert same(ours.matrix, matrix)
-    assert same(ours.load, load, scale)
+    assert same(ours.load, load, scale, rim_bound(k))
     assert abs(matrix - matrix.T).max() < 1e-13 * abs(matrix).max()
     constraint = balance.constraint
     P, weights = constraint.prolongation(x), constraint.weights(x)
     assert same(constraint.reduce(weights, ours.matrix), P.T @ matrix @ P)
-    assert same(constraint.restrict(weights, ours.load), P.T @ load, scale)
+    assert same(constraint.restrict(weights, ours.load), P.T @ load, scale, rim_bound(k))
 
 
 @pytest.mark.parametrize("k", ORDERS)
@@ -175,10 +180,10 @@ def test_current_normals_are_the_integrals_of_phi_n(k):
     space, x = balance.space, moved(balance.space.xi)
     plain = Plain(space, x)
     ones = np.ones(plain.rim.dx.shape)
-    normal = plain.vector(forms.rim_load.assemble(plain.rim, f=ones)).reshape(-1, 2)[space.rim_nodes]
+    normal = (plain.vectors.T @ forms.rim_load.assemble(plain.rim, f=ones)).reshape(-1, 2)[space.rim_nodes]
     weights = balance.constraint.weights(x).reshape(-1, 2)
     along = weights[space.rim_nodes]
-    assert same(along * (along * normal).sum(axis=1, keepdims=True), normal)
+    assert same(along * (along * normal).sum(axis=1, keepdims=True), normal, bound=rim_bound(k))
     assert np.allclose((along**2).sum(axis=1), 1, atol=1e-15)
     inner = np.setdiff1d(np.arange(x.shape[1]), space.rim_nodes)
     assert np.array_equal(weights[inner], np.ones((inner.size, 2)))
@@ -212,13 +217,16 @@ def test_an_indefinite_matrix_is_still_solved_and_a_singular_one_reported():
     assert np.array_equal(solver.solve(matrix, np.zeros(2))[0], np.zeros(2))
 
 
-LEVELS = {1: (3, 4, 5), 2: (2, 3, 4), 3: (2, 3, 4), 4: (1, 2, 3)}
-"""Refinements at which errors of order k + 1 are asymptotic and above round-off."""
+RING = 0.75
+"""A ring that every mesh from refinement 2 on has at the same layer, so that meshes refine evenly."""
+LEVELS = {1: (4, 5), 2: (3, 4), 3: (3, 4), 4: (3, 4)}
+"""Refinements at which errors are asymptotic and above round-off."""
 
 
-def observed(k, error):
-    """Orders between successive refinements of error(space)."""
-    return local_orders([error(Space.on(disk(refine, L0), k, L0)) for refine in LEVELS[k]])
+def order(k, error, levels=None):
+    """Observed order of error(space) between two refinements."""
+    errors = [error(Space.on(disk(refine, RING), k, RING)) for refine in levels or LEVELS[k]]
+    return local_orders(errors)[0]
 
 
 def l2_error(space, nodal, exact):
@@ -236,10 +244,9 @@ def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
         space = Space.on(mesh, k, l0)
         assert np.array_equal(space.xi[:, : mesh.xi.shape[1]], mesh.xi)
         assert space.xi.shape[1] == 2 * (k * 2**refine) ** 2 + 2 * k * 2**refine + 1
-        jacobian = space.rule(2 * k + 4).at(space.xi).dx.min() / space.inside.weights.min()
         assert space.rule(2 * k + 4).at(space.xi).dx.min() > 0
         radii = np.hypot(*space.xi[:, space.rim_nodes])
-        assert np.abs(radii - 1).max() < (1e-15 if k < 3 else 0.2 * mesh.h ** (k + 1))
+        assert np.abs(radii - 1).max() < 1e-15
         angles = np.unwrap(np.arctan2(*space.xi[::-1, space.rim_nodes]))
         assert (np.diff(angles) > 0).all()
         assert angles[-1] - angles[0] < 2 * np.pi
@@ -247,5 +254,74 @@ def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
 
 @pytest.mark.parametrize("k", ORDERS)
 def test_the_area_of_the_disk_converges_at_twice_the_order(k):
-    orders = observed(k, lambda space: abs(space.inside.at(space.xi).dx.sum() - np.pi))
-    assert orders == pytest.approx(2 * k, abs=0.15)
+    def error(space):
+        return abs(space.inside.at(space.xi).dx.sum() - np.pi)
+
+    assert order(k, error, levels=(1, 2)) == pytest.approx(2 * k, abs=0.1)
+
+
+def wave(x):
+    return np.sin(3 * x[0] + 0.5) * np.exp(x[1])
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_smooth_fields_are_interpolated_at_order_k_plus_one(k):
+    assert order(k, lambda space: l2_error(space, wave(space.xi), wave)) == pytest.approx(k + 1, abs=0.12)
+
+
+def polished(x):
+    """A field with n.grad a = 0 on the unit circle, and its negative Laplacian."""
+    s = x[0] ** 2 + x[1] ** 2
+    quadrupole = x[0] ** 2 - x[1] ** 2
+    a = np.cos(np.pi * s) + quadrupole * (2 - s)
+    return a, 4 * np.pi * (np.sin(np.pi * s) + np.pi * s * np.cos(np.pi * s)) + 12 * quadrupole
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_a_diffusion_problem_converges_at_order_k_plus_one(k):
+    """a - Laplace a = s with n.grad a = 0, as (B.22) assembles it."""
+
+    def error(space):
+        inside = space.inside.at(space.xi)
+        matrix = space.scalars.matrix(inside.mass() + space.gradients.at(space.xi).stiffness())
+        source = sum(polished(space.inside.blend(space.xi[:, space.cells])))
+        a, outcome = solve(matrix, space.scalars.vector(inside.load(source)))
+        assert outcome.ok
+        return l2_error(space, a, lambda x: polished(x)[0])
+
+    assert order(k, error) == pytest.approx(k + 1, abs=0.12)
+
+
+def contraction(x):
+    """A velocity v = grad chi, along the rays on the unit circle, and Laplace chi; there n.sigma_v n = 0.
+
+    chi = (x^2 - y^2)(-175 + 278 s - 103 s^2)/200, s = |x|^2: chi = mu chi'' + mu2 chi' = 0 at r = 1.
+    """
+    s, quadrupole = x[0] ** 2 + x[1] ** 2, x[0] ** 2 - x[1] ** 2
+    factor, slope = (-175 + 278 * s - 103 * s**2) / 200, (278 - 206 * s) / 200
+    v = 2 * factor * np.array([x[0], -x[1]]) + 2 * quadrupole * slope * x
+    return v, quadrupole * (12 * 278 - 32 * 103 * s) / 200
+
+
+@pytest.mark.parametrize("k", ORDERS)
+def test_the_force_balance_converges_at_order_k_plus_one(k):
+    """-div sigma_v = grad f with f = -mu Laplace chi, a being the concentration whose pressure is f."""
+    p = 500.0
+    model = Model(Parameters(0.0, p, l0=RING), Rheology.VISCOUS, delta=Delta.FULL)
+    mu = model.parameters.mu1 + model.parameters.mu2
+
+    def concentration(x):
+        return np.tan(np.pi / 2 * (-mu * contraction(x)[1] / p))
+
+    def error(refine):
+        balance = ForceBalance(model, disk(refine, RING), k)
+        space = balance.space
+        a, a_rim = (
+            concentration(rule.blend(space.xi[:, rule.cells])) for rule in (space.inside, space.on_rim)
+        )
+        v, _, outcome = balance._rates(space.xi, balance.system(space.xi, a, a_rim, 0.0))
+        assert outcome.ok
+        return l2_error(space, v, lambda x: contraction(x)[0])
+
+    errors = [error(refine) for refine in LEVELS[k]]
+    assert local_orders(errors)[0] == pytest.approx(k + 1, abs=0.12)
