@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Array
 from actin_xcheck.result import Outcome
 from actin_xcheck.solver import Motion, Move
@@ -12,24 +11,32 @@ from actin_xcheck.solver import Motion, Move
 
 @dataclass(frozen=True)
 class PrescribedMotion:
-    """Nodes follow x(xi, t): positions are evaluated, not integrated, so no error of motion enters."""
+    """Nodes from xi (2, N) follow x(xi, t): positions are evaluated, so that no error of motion enters."""
 
-    mesh: Mesh
+    xi: Array
     motion: Motion
 
     def start(self, x: Array) -> Array:
         """Positions at t = 0, (2, N); a prescribed motion overrides initial displacements."""
-        return self.motion(self.mesh.xi, 0.0)
+        return self.motion(self.xi, 0.0)
 
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the nodes to their prescribed positions at t + dt."""
-        new = self.motion(self.mesh.xi, t + dt)
+        new = self.motion(self.xi, t + dt)
         return Move(new, (new - x) / dt)
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
         """Velocity (2, N) by a central difference of the prescribed positions."""
         eps = 1e-6
-        return (self.motion(self.mesh.xi, t + eps) - self.motion(self.mesh.xi, t - eps)) / (2 * eps)
+        return (self.motion(self.xi, t + eps) - self.motion(self.xi, t - eps)) / (2 * eps)
+
+    def flow(self, t: float, x: Array, corners: Array) -> Move:
+        """The velocity as a Move."""
+        return Move(x, self.velocity(t, x, corners))
+
+    def settle(self, x: Array) -> Array:
+        """Nothing to put back."""
+        return x
 
 
 @dataclass(frozen=True)
@@ -67,3 +74,11 @@ class RecordedMotion:
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
         """Recorded velocity (2, N) of the step that ended at t."""
         return self.moves[int(np.argmin(np.abs(self.times - t)))].v
+
+    def flow(self, t: float, x: Array, corners: Array) -> Move:
+        """The recorded velocity as a Move."""
+        return Move(x, self.velocity(t, x, corners))
+
+    def settle(self, x: Array) -> Array:
+        """Nothing to put back."""
+        return x

@@ -1,9 +1,21 @@
 """What is measured on a state, the same for every method."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from actin_xcheck.geometry import Indices, Mesh, integral, signed_areas
 from actin_xcheck.model import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """What is measured on a state as a whole: area, integral of a, centroid (2,), rim points (2, n)."""
+
+    area: float
+    total_actin: float
+    centroid: Array
+    rim: Array
 
 
 def area(x: Array, triangles: Indices) -> float:

@@ -26,8 +26,7 @@ class Method:
         balance.
     order_h, order_dt : declared orders of accuracy; 0 where the method does not converge.
     description : one line for lists and reports.
-    space : polynomial order of the mesh and of the force balance on it.
-    options : further arguments of the solver.
+    options : further arguments of the solver by name, among them `space` where elements are not P1.
     adaptive : whether it estimates its error in time, so that it can choose its steps.
     """
 
@@ -37,14 +36,31 @@ class Method:
     order_h: float
     order_dt: float
     description: str
-    space: int = 1
     options: tuple[tuple[str, int], ...] = ()
     adaptive: bool = False
+
+    @property
+    def space(self) -> int:
+        """Polynomial order of the elements."""
+        return dict(self.options).get("space", 1)
 
     @property
     def family(self) -> str:
         """The code it belongs to: "fem" or "fv"."""
         return self.solver.split(".")[0]
+
+
+def _imex(space: int, time: int) -> Method:
+    return Method(
+        f"fem-p{space}-imex{time}",
+        "fem.imex:FemImex",
+        None,
+        space + 1,
+        time,
+        f"P{space} elements on curved cells, additive Runge-Kutta pair of order {time} with step control",
+        (("space", space), ("time", time)),
+        adaptive=True,
+    )
 
 
 METHODS = {
@@ -82,6 +98,10 @@ METHODS = {
             1,
             "FiPy's own diffusion term alone, driven: the exhibit of what does not converge on triangles",
         ),
+        _imex(1, 2),
+        _imex(2, 3),
+        _imex(3, 4),
+        _imex(4, 4),
     )
 }
 

@@ -41,7 +41,7 @@ def bind(scene: Scene, method: Method, refine: int, dt: float, perturbed: bool =
     problem, mesh = resolve(scene, perturbed), mesh_of(scene, refine)
     mechanics: Mechanics
     if problem.motion is not None:
-        mechanics = PrescribedMotion(mesh, problem.motion)
+        mechanics = PrescribedMotion(mesh.xi, problem.motion)
     elif method.driven_by is None:
         mechanics = load(FORCE_BALANCE)(problem.model, mesh, method.space)
     else:

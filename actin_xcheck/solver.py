@@ -10,8 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from actin_xcheck.geometry import Mesh
+from actin_xcheck import observables
+from actin_xcheck.geometry import Mesh, locate
 from actin_xcheck.model import Array, Model
+from actin_xcheck.observables import Measures
 from actin_xcheck.result import COMPLETED, Outcome
 
 Motion = Callable[[Array, float], Array]
@@ -71,6 +73,14 @@ class Mechanics(Protocol):
         """Return the instantaneous node velocities (2, N) at time t."""
         ...
 
+    def flow(self, t: float, x: Array, corners: Array) -> Move:
+        """Return the same with its Outcome and loads; the nodes stay at x."""
+        ...
+
+    def settle(self, x: Array) -> Array:
+        """Put nodes that should be on a wall, and are not, back onto it."""
+        ...
+
 
 @dataclass(frozen=True)
 class State:
@@ -98,6 +108,10 @@ class State:
     local_error: float = float("nan")
 
 
+Probes = Callable[[State], tuple[Array, Array]]
+"""Concentrations (k,) and positions (k, 2) of material points in a state."""
+
+
 class Solver(Protocol):
     """A method bound to a problem and a mesh: explicit `init`, pure `step`."""
 
@@ -114,3 +128,34 @@ class Solver(Protocol):
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the concentration."""
         ...
+
+    def measure(self, state: State) -> Measures:
+        """Area, total actin, centroid and rim of a state, by the method's own integrals."""
+        ...
+
+    def probes(self, points: Array) -> Probes:
+        """Return what reads concentration and position of material points (2, k) off a state."""
+        ...
+
+
+class Polygonal:
+    """What a method measures whose cells are straight triangles and whose concentration is linear in each."""
+
+    mesh: Mesh
+
+    def corners(self, state: State) -> Array:
+        """Corner values (3, n_cells) of the concentration."""
+        raise NotImplementedError
+
+    def measure(self, state: State) -> Measures:
+        """Integrals over the polygon."""
+        triangles, x = self.mesh.triangles, state.x
+        total = observables.total_actin(x, triangles, self.corners(state))
+        rim = x[:, self.mesh.rim_nodes]
+        return Measures(observables.area(x, triangles), total, observables.centroid(x, triangles), rim)
+
+    def probes(self, points: Array) -> Probes:
+        """Linear interpolation in the triangles that hold the points (2, k)."""
+        cells, weights = locate(self.mesh, points)
+        triangles = self.mesh.triangles
+        return lambda state: observables.probe(triangles, cells, weights, self.corners(state), state.x)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from actin_xcheck import observables
-from actin_xcheck.geometry import INTERIOR_POINTS, Mesh, locate, quadrature_points, signed_areas
+from actin_xcheck.geometry import INTERIOR_POINTS, Mesh, quadrature_points, signed_areas
 from actin_xcheck.model import Array, Closure
 from actin_xcheck.resolve import mode_field, turn_matrix
 from actin_xcheck.scene import Scene
@@ -94,22 +94,23 @@ class Recorder:
         self.amplitude, self.progress, self.step = amplitude, progress, 0
         self.end = scene.output_times[-1]
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-        self.probes = locate(self.mesh, turn_matrix(scene) @ points)
+        self.probes = solver.probes(turn_matrix(scene) @ points)
         self.gauged = scene.physics.closure is Closure.TRACTION_FREE
 
     def record(self, dt: float, state: State) -> None:
         """Write one row of the time series."""
         mesh, corners = self.mesh, self.solver.corners(state)
-        probe_a, probe_x = observables.probe(mesh.triangles, *self.probes, corners, state.x)
+        probe_a, probe_x = self.probes(state)
+        measured = self.solver.measure(state)
         row = {
             "time": state.t,
             "dt": dt,
-            "area": observables.area(state.x, mesh.triangles),
-            "total_actin": observables.total_actin(state.x, mesh.triangles, corners),
+            "area": measured.area,
+            "total_actin": measured.total_actin,
             "balance_residual": state.balance_residual,
             "local_error": state.local_error,
-            "centroid": observables.centroid(state.x, mesh.triangles),
-            "polarity": observables.polarity(state.x[:, mesh.rim_nodes]),
+            "centroid": measured.centroid,
+            "polarity": observables.polarity(measured.rim),
             "a_min": state.a.min(),
             "a_max": state.a.max(),
             "jacobian_min": observables.jacobian_min(mesh, state.x),
@@ -127,7 +128,8 @@ class Recorder:
 
     def frame(self, state: State) -> None:
         """Write one output time; nodal values are means of the corners that meet there."""
-        triangles, corners, count = self.mesh.triangles, self.solver.corners(state), state.x.shape[1]
+        triangles, corners, count = self.mesh.triangles, self.solver.corners(state), self.mesh.xi.shape[1]
+        x, v = state.x[:, :count], state.v[:, :count]  # the corners of curved cells come first
         meeting = np.bincount(triangles.ravel(), minlength=count)
         nodal = np.bincount(triangles.ravel(), corners.ravel(), count) / meeting
-        self.writer.frame(state.t, state.x, nodal, corners.mean(axis=0), state.x - self.mesh.xi, state.v)
+        self.writer.frame(state.t, x, nodal, corners.mean(axis=0), x - self.mesh.xi, v)

@@ -60,7 +60,7 @@ class ForceBalance:
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
-        return settle(self.model.closure, self.space, x)
+        return self.settle(x)
 
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the nodes from x (2, N) at t by one step of (B.23a) under corner values (3, n_cells)."""
@@ -69,12 +69,24 @@ class ForceBalance:
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
         v, gauge, outcome = self._rates(x, system)
-        settled = settle(self.model.closure, self.space, x + dt * v)
-        return Move(settled, v, outcome, gauge.force, gauge.torque)
+        return Move(self.settle(x + dt * v), v, outcome, gauge.force, gauge.torque)
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
         """Return the instantaneous velocities of A v = F - B u (B.21), (2, N)."""
-        return self._rates(x, self.assemble(x, corners, 0.0))[0]
+        return self.flow(t, x, corners).v
+
+    def flow(self, t: float, x: Array, corners: Array) -> Move:
+        """Return the same as a Move that leaves the nodes at x, with its Outcome and the gauge's loads."""
+        system = self.assemble(x, corners, 0.0)
+        outcome = self._dilation_outcome(t, system.dilation)
+        if not outcome.ok:
+            return Move(x, np.zeros_like(x), outcome)
+        v, gauge, outcome = self._rates(x, system)
+        return Move(x, v, outcome, gauge.force, gauge.torque)
+
+    def settle(self, x: Array) -> Array:
+        """Put rim nodes back onto the wall of `irrotational-wall`."""
+        return settle(self.model.closure, self.space, x)
 
     def displacement(self, x: Array) -> Array:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""

@@ -10,7 +10,7 @@ from actin_xcheck.linear import SymmetricSolver
 from actin_xcheck.model import Array
 from actin_xcheck.observables import area, balance_residual
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Mechanics, Problem, State
+from actin_xcheck.solver import Mechanics, Polygonal, Problem, State
 from fem.force_balance import ForceBalance
 from fem.space import Space
 
@@ -22,7 +22,7 @@ class FemState(State):
     mass: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
 
 
-class FemP1Paper:
+class FemP1Paper(Polygonal):
     """P1 elements in space and (B.23) in time.
 
     Parameters

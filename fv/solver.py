@@ -9,7 +9,7 @@ from actin_xcheck.linear import solve
 from actin_xcheck.model import Array
 from actin_xcheck.observables import area, balance_residual
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Mechanics, Problem, State
+from actin_xcheck.solver import Mechanics, Polygonal, Problem, State
 from fv.diamond import cross_flux, over_relaxed, reconstruct, two_point, vertex_interpolation
 from fv.equations import TransportEquation
 from fv.mesh import Faces
@@ -22,7 +22,7 @@ class FvState(State):
     corner_values: Array = field(default_factory=lambda: np.zeros((3, 0)))
 
 
-class FvDiamond:
+class FvDiamond(Polygonal):
     """Over-relaxed two-point flux by FiPy plus the linear-exact cross flux: second order in h.
 
     Parameters

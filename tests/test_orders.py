@@ -72,7 +72,7 @@ def steady_state_error(target, refine):
         None,
         source,
     )
-    still = PrescribedMotion(mesh, lambda xi, t: stretch @ xi)
+    still = PrescribedMotion(mesh.xi, lambda xi, t: stretch @ xi)
     film, outcome = film_of(load(METHODS[target].solver)(problem, mesh, still), 2.0, [40.0])
     assert outcome.ok
     assert np.array_equal(film.last.x, x)

@@ -55,7 +55,7 @@ def mass_and_stiffness(x):
 def test_transport_is_b23b_with_every_matrix_where_the_equation_has_it():
     """((1 + dt) M' + dt d K') a' = M (a + dt) + dt S', primes on the moved mesh."""
     problem = Problem(MODEL, lumpy, np.zeros_like, sheared, source)
-    solver = FemP1Paper(problem, MESH, PrescribedMotion(MESH, sheared))
+    solver = FemP1Paper(problem, MESH, PrescribedMotion(MESH.xi, sheared))
     old, _ = solver.step(solver.init(), DT)
     new, _ = solver.step(old, DT)
     (before, _), (after, stiffness) = mass_and_stiffness(old.x), mass_and_stiffness(new.x)
@@ -107,7 +107,7 @@ def test_finite_volumes_strike_their_balance_on_the_configurations_it_names(reac
     """(1 + k dt) V' a' - V a - k dt V - dt V' s' = dt d (two-point + cross flux on the moved mesh)."""
     model = Model(MODEL.parameters, delta=Delta.RING, reaction=reaction)
     solver = FvDiamond(
-        Problem(model, lumpy, np.zeros_like, sheared, source), MESH, PrescribedMotion(MESH, sheared)
+        Problem(model, lumpy, np.zeros_like, sheared, source), MESH, PrescribedMotion(MESH.xi, sheared)
     )
     old, _ = solver.step(solver.init(), DT)
     new, _ = solver.step(old, DT)
@@ -127,7 +127,7 @@ def test_finite_volumes_strike_their_balance_on_the_configurations_it_names(reac
 def test_the_diffusive_flux_is_exact_for_linear_fields_on_any_triangles():
     """Two-point plus cross flux of a linear field through every inner face pair is its divergence: zero."""
     faces = FvDiamond(
-        Problem(MODEL, lumpy, np.zeros_like, sheared), MESH, PrescribedMotion(MESH, sheared)
+        Problem(MODEL, lumpy, np.zeros_like, sheared), MESH, PrescribedMotion(MESH.xi, sheared)
     ).faces
     x = sheared(MESH.xi, 0.5)
     a = (np.array([2.0, -3.0]) @ x)[MESH.triangles].mean(axis=0)

@@ -42,7 +42,7 @@ def _transport() -> Finding:
     exact = (stretch**2 - stretch + 0.5 + 0.5 * math.exp(-end)) / stretch**2
 
     def error(steps: int) -> float:
-        motion = PrescribedMotion(mesh, lambda xi, t: xi * (1 + t / 2))
+        motion = PrescribedMotion(mesh.xi, lambda xi, t: xi * (1 + t / 2))
         problem = Problem(Model(Parameters(0.0, 0.0)), lambda xi: np.ones(xi.shape[1]), np.zeros_like)
         solver = load(METHODS["fem-p1-paper"].solver)(problem, mesh, motion)
         state = solver.init()
