@@ -1,5 +1,6 @@
 """Scenes x methods -> runs, claims and one comparison file."""
 
+import json
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from pathlib import Path
 
 from actin_xcheck import store
 from actin_xcheck.claims import Claim
+from actin_xcheck.errors import UserError
 from actin_xcheck.registry import Method
 from actin_xcheck.runs import numerics, run
 from actin_xcheck.scene import Scene
@@ -103,6 +105,17 @@ def compare(
 def run_all(jobs: Sequence[Job], report: Report) -> None:
     """Run jobs on all cores, those that take longest first."""
     work_off(_run, sorted(jobs, key=lambda job: job.cost, reverse=True), report)
+
+
+def is_done(job: Job, versions: dict[str, str]) -> bool:
+    """Whether a whole file of the same scene, resolution and code lies where the job would write."""
+    if not job.path.exists() or versions["commit"].endswith("-dirty"):
+        return False
+    try:
+        stated = store.read_run(job.path).attributes
+    except UserError:
+        return False
+    return bool(stated["scene"] == job.scene.text and json.loads(stated["versions"]) == versions)
 
 
 def _run(job: Job, report: Report) -> None:

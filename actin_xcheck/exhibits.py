@@ -8,17 +8,24 @@ from actin_xcheck.model import Array
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve: points x (n,), y (n,) and what it is called; `points` draws markers without a line."""
+    """One curve: points x (n,), y (n,) and what it is called.
+
+    `points` draws markers without a line, `guide` a dotted line to compare others with.
+    """
 
     label: str
     x: Array
     y: Array
     points: bool = False
+    guide: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Curves in one pair of axes; `marks` are abscissae with a name, such as the wave numbers of the disk."""
+    """Curves in one pair of axes; `marks` are abscissae with a name, such as the wave numbers of the disk.
+
+    `log` makes both axes logarithmic and shows every point of a line.
+    """
 
     key: str
     title: str
@@ -26,6 +33,7 @@ class Plot:
     xlabel: str
     lines: tuple[Line, ...]
     marks: tuple[tuple[str, float], ...] = ()
+    log: bool = False
 
 
 @dataclass(frozen=True, eq=False)

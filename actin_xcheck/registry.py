@@ -83,6 +83,15 @@ METHODS = {
             "FiPy finite volumes with the linear-exact cross flux; their values load the force balance",
         ),
         Method(
+            "fv-order2",
+            "fv.second_order:FvSecondOrder",
+            None,
+            2,
+            2,
+            "the same finite volumes in two implicit stages of second order, with an error estimate",
+            adaptive=True,
+        ),
+        Method(
             "fv-driven",
             "fv.solver:FvDiamond",
             "fem-p1-paper",

@@ -14,10 +14,29 @@ from actin_xcheck.model import Array
 from fv.mesh import Faces
 
 
+def over_relaxed_split(faces: Faces, x: Array) -> tuple[Array, sp.csr_matrix]:
+    """Both parts of the flux of grad a through the interior faces.
+
+    Returns
+    -------
+    The two-point coefficients |S|^2/(D.S), (n_interior,), and the matrix (n_cells, N) of the net tangential
+    inflow sum_f T.grad a into each cell from vertex values.
+    """
+    area, distance = faces.geometry(x)
+    start, end = x[:, faces.nodes[0, faces.interior]], x[:, faces.nodes[1, faces.interior]]
+    coefficients = (area * area).sum(axis=0) / (area * distance).sum(axis=0)
+    edge = end - start
+    flux = ((area - coefficients * distance) * edge).sum(axis=0) / (edge * edge).sum(axis=0)
+    triangles = faces.mesh.triangles
+    data = np.bincount(faces.corners, np.concatenate([flux, -flux, -flux, flux]), triangles.size)
+    indptr = np.arange(0, triangles.size + 1, 3)
+    shape = (triangles.shape[1], x.shape[1])
+    return coefficients, sp.csr_matrix((data, triangles.T.ravel(), indptr), shape)
+
+
 def over_relaxed(faces: Faces, x: Array) -> Array:
     """Two-point coefficients |S|^2/(D.S) of the interior faces, (n_interior,)."""
-    area, distance = faces.geometry(x)
-    return (area**2).sum(axis=0) / (area * distance).sum(axis=0)
+    return over_relaxed_split(faces, x)[0]
 
 
 def two_point(faces: Faces, x: Array) -> Array:
@@ -30,50 +49,38 @@ def vertex_interpolation(faces: Faces, x: Array) -> sp.csr_matrix:
     """Linear-exact interpolation from cell averages to vertices, (N, n_cells).
 
     A least-squares plane through the centroids around each vertex; cells at the rim are mirrored across
-    their rim face, which carries n.grad a = 0 (2.1f) into the fit.
+    their rim face, which carries n.grad a = 0 (2.1f) into the fit.  About the mean place of its n values the
+    plane's weights are 1/n + (offset of the vertex).S^-1 (offset of the value), S being the values' scatter.
     """
-    vertex, cell, place = _stencil(faces, x)
-    offset = place - x[:, vertex]
-    terms = np.array([np.ones(vertex.size), *offset])
-    count = x.shape[1]
-    normal = np.array(
-        [[np.bincount(vertex, terms[i] * terms[j], count) for i in range(3)] for j in range(3)]
-    ).transpose(2, 0, 1)
-    value = np.linalg.solve(normal, np.broadcast_to(np.array([[1.0], [0], [0]]), (count, 3, 1)))[..., 0]
-    weights = (value[vertex].T * terms).sum(axis=0)
-    return sp.csr_matrix((weights, (vertex, cell)), shape=(count, faces.mesh.triangles.shape[1]))
+    star = faces.star
+    first = star.indptr[:-1]
+    offset = _places(faces, x)[:, star.value] - x[:, star.vertex]
+    count = np.diff(star.indptr)
+    mean = np.add.reduceat(offset, first, axis=1) / count
+    px, py = offset - mean[:, star.vertex]
+    xx, xy, yy = (np.add.reduceat(product, first) for product in (px * px, px * py, py * py))
+    determinant = xx * yy - xy**2
+    slope_x = (yy * mean[0] - xy * mean[1]) / determinant
+    slope_y = (xx * mean[1] - xy * mean[0]) / determinant
+    weights = (1 / count)[star.vertex] - slope_x[star.vertex] * px - slope_y[star.vertex] * py
+    # a cell on the rim comes twice, with its mirror image: products sum the two
+    return sp.csr_matrix((weights, star.cell, star.indptr), (x.shape[1], faces.mesh.triangles.shape[1]))
 
 
-def _stencil(faces: Faces, x: Array) -> tuple[Indices, Indices, Array]:
-    """Triples (vertex, cell, place of the cell's value), with the mirror images at the rim."""
-    triangles = faces.mesh.triangles
-    centroids = x[:, triangles].mean(axis=1)
+def _places(faces: Faces, x: Array) -> Array:
+    """Centroids of the cells, then those of the cells along the rim mirrored there, (2, n_cells + n_rim)."""
+    centroids = x[:, faces.mesh.triangles].mean(axis=1)
     start, end = faces.nodes[:, faces.rim]
     owner = faces.cells[0, faces.rim]
     edge = x[:, end] - x[:, start]
     normal = np.array([edge[1], -edge[0]]) / np.hypot(*edge)
     height = ((centroids[:, owner] - x[:, start]) * normal).sum(axis=0)
-    mirrored = centroids[:, owner] - 2 * height * normal
-    every = np.arange(triangles.shape[1])
-    vertex = np.concatenate([*triangles, start, end])
-    cell = np.concatenate([every, every, every, owner, owner])
-    place = np.hstack([centroids, centroids, centroids, mirrored, mirrored])
-    return vertex, cell, place
+    return np.hstack([centroids, centroids[:, owner] - 2 * height * normal])
 
 
 def cross_flux(faces: Faces, x: Array, to_vertices: sp.csr_matrix) -> sp.csr_matrix:
     """Matrix (n_cells, n_cells) of the net tangential inflow sum_f T.grad a into each cell."""
-    area, distance = faces.geometry(x)
-    tangential = area - (area**2).sum(axis=0) / (area * distance).sum(axis=0) * distance
-    start, end = faces.nodes[:, faces.interior]
-    edge = x[:, end] - x[:, start]
-    flux = (tangential * edge).sum(axis=0) / (edge**2).sum(axis=0)
-    first, second = faces.cells[:, faces.interior]
-    rows = np.concatenate([first, first, second, second])
-    columns = np.concatenate([end, start, end, start])
-    values = np.concatenate([flux, -flux, -flux, flux])
-    shape = (faces.mesh.triangles.shape[1], x.shape[1])
-    return sp.csr_matrix((values, (rows, columns)), shape=shape) @ to_vertices
+    return over_relaxed_split(faces, x)[1] @ to_vertices
 
 
 def reconstruct(triangles: Indices, a: Array, vertex_values: Array) -> Array:

@@ -30,6 +30,23 @@ fipy = _import_fipy()
 
 
 @dataclass(frozen=True, eq=False)
+class Star:
+    """The values around each vertex, vertex by vertex: its cells, and the mirror images of those on the rim.
+
+    Attributes
+    ----------
+    vertex, cell : the vertex each value belongs to, and the cell it is the value of, (k,).
+    value : its number among all values, cells first, then the images across the rim faces, (k,).
+    indptr : where each vertex begins, (N + 1,).
+    """
+
+    vertex: Indices
+    cell: Indices
+    value: Indices
+    indptr: Indices
+
+
+@dataclass(frozen=True, eq=False)
 class Faces:
     """The faces of a triangulation; cell i is triangle i.
 
@@ -72,6 +89,33 @@ class Faces:
     def rim(self) -> Indices:
         """Numbers of the faces on the rim."""
         return np.flatnonzero(self.cells[1] < 0)
+
+    @cached_property
+    def star(self) -> Star:
+        """The values that each vertex is interpolated from."""
+        triangles, (start, end) = self.mesh.triangles, self.nodes[:, self.rim]
+        every, image = np.arange(triangles.shape[1]), triangles.shape[1] + np.arange(self.rim.size)
+        vertex = np.concatenate([*triangles, start, end])
+        value = np.concatenate([every, every, every, image, image])
+        order = np.argsort(vertex, kind="stable")
+        cell = np.concatenate([every, self.cells[0, self.rim]])[value]
+        indptr = np.searchsorted(vertex[order], np.arange(self.mesh.xi.shape[1] + 1))
+        return Star(vertex[order], cell[order], value[order], indptr)
+
+    @cached_property
+    def corners(self) -> Indices:
+        """Numbers 3 i + c of corner c of cell i at both ends of the interior faces, (4 n_interior,).
+
+        In the first cell the ends, then the starts; the same in the second.
+        """
+        start, end = self.nodes[:, self.interior]
+        return np.concatenate(
+            [
+                3 * cell + (self.mesh.triangles[:, cell] == node).argmax(axis=0)
+                for cell in self.cells[:, self.interior]
+                for node in (end, start)
+            ]
+        )
 
     def geometry(self, x: Array) -> tuple[Array, Array]:
         """Of the interior faces with nodes at x: outward area vector of the first cell and centroid distance.

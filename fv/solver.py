@@ -4,13 +4,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from actin_xcheck import linear
 from actin_xcheck.geometry import Mesh, integral, orientation, quadrature_points, signed_areas
-from actin_xcheck.linear import solve
 from actin_xcheck.model import Array
 from actin_xcheck.observables import area, balance_residual
 from actin_xcheck.result import Outcome
 from actin_xcheck.solver import Mechanics, Polygonal, Problem, State
-from fv.diamond import cross_flux, over_relaxed, reconstruct, two_point, vertex_interpolation
+from fv import krylov
+from fv.diamond import over_relaxed_split, reconstruct, two_point, vertex_interpolation
 from fv.equations import TransportEquation
 from fv.mesh import Faces
 
@@ -73,14 +74,15 @@ class FvDiamond(Polygonal):
     def _transport(self, old: FvState, new: FvState, dt: float) -> tuple[FvState, Outcome]:
         triangles, model = self.mesh.triangles, self.problem.model
         volumes, source = signed_areas(new.x, triangles), self._source(new.t, new.x)
-        coefficients = over_relaxed if self.consistent else two_point
-        matrix, rhs = self.equation.system(
-            dt, old.a, signed_areas(old.x, triangles), volumes, coefficients(self.faces, new.x), source
-        )
+        held = dt, old.a, signed_areas(old.x, triangles), volumes
         to_vertices = vertex_interpolation(self.faces, new.x)
         if self.consistent:
-            matrix = matrix - model.parameters.d * cross_flux(self.faces, new.x, to_vertices)
-        a, outcome = solve(matrix, rhs)
+            coefficients, from_vertices = over_relaxed_split(self.faces, new.x)
+            matrix, rhs = self.equation.system(*held, coefficients, source)
+            operator = krylov.Operator(matrix, from_vertices, to_vertices, model.parameters.d)
+            a, outcome = krylov.solve(operator, rhs, old.a, krylov.factorise(matrix))
+        else:
+            a, outcome = linear.solve(*self.equation.system(*held, two_point(self.faces, new.x), source))
         corners = reconstruct(triangles, a, to_vertices @ a)
         residual = balance_residual(
             dt,

@@ -1,15 +1,13 @@
 """The audit at work: run what the rows need, examine every row, write what was found."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from actin_xcheck.audit.record import FILE_NAME, Entry, write_audit
 from actin_xcheck.audit.rows import ROWS
 from actin_xcheck.audit.simulations.studies import plan
-from actin_xcheck.compare import Job, run_all
-from actin_xcheck.errors import UserError
-from actin_xcheck.store import provenance, read_run
+from actin_xcheck.compare import is_done, run_all
+from actin_xcheck.store import provenance
 from actin_xcheck.workers import Report, work_off
 
 
@@ -26,7 +24,7 @@ def examine(keys: Sequence[str], folder: Path, command: str, report: Report) -> 
     jobs, _ = plan(dict.fromkeys(study for row in rows for study in row.studies), folder)
     (folder / "runs").mkdir(parents=True, exist_ok=True)
     versions = provenance()
-    run_all([job for job in jobs if not _is_done(job, versions)], report)
+    run_all([job for job in jobs if not is_done(job, versions)], report)
     first_long_ones = sorted(keys, key=lambda key: not ROWS[key].studies)
     found = work_off(_examine, [(key, folder) for key in first_long_ones], report)
     by_key = {entry.key: entry for entry in found}
@@ -46,14 +44,3 @@ def _examine(task: tuple[str, Path], report: Report) -> Entry:
     files = (file for study in row.studies for file in evidence[study].files.values())
     runs = tuple(file.relative_to(folder).as_posix() for file in files)
     return Entry(key, row.place, row.statement, finding, f"python -m actin_xcheck paper --only {key}", runs)
-
-
-def _is_done(job: Job, versions: dict[str, str]) -> bool:
-    """Whether a whole file of the same scene, resolution and code lies where the job would write."""
-    if not job.path.exists() or versions["commit"].endswith("-dirty"):
-        return False
-    try:
-        stated = read_run(job.path).attributes
-    except UserError:
-        return False
-    return bool(stated["scene"] == job.scene.text and json.loads(stated["versions"]) == versions)

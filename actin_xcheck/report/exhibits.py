@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 
-from actin_xcheck.exhibits import Exhibit, Picture, Plot, Regions, Sheet, Shots
+from actin_xcheck.exhibits import Exhibit, Line, Picture, Plot, Regions, Sheet, Shots
 from actin_xcheck.report.cells import OUTLINE, Brush, Canvas, ColourBar, Panel, colours, window
-from actin_xcheck.report.svg import INK, STYLES, calm, styled, svg
+from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
 
 _BANDS = (
     *("#26366e", "#b3b1ab", "#4b1c22", "#7b4fa3", "#3f9b5f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
@@ -33,7 +33,7 @@ _CIRCLE = np.array([np.cos(_T), np.sin(_T)])
 
 @dataclass(frozen=True)
 class Key:
-    """One entry of a legend: a line of some width, a marker (`dot`) or a patch (`band`) of a colour."""
+    """One entry of a legend: a line of some width (`line`, `guide`), a marker (`dot`) or a patch (`band`)."""
 
     label: str
     colour: str
@@ -97,22 +97,40 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
     with styled():
         figure = Figure(figsize=(4.2, 2.5))
         axes = figure.add_axes((0.15, 0.16, 0.82, 0.74), xlabel=plot.xlabel)
+        if plot.log:
+            _logarithmic(axes)
         for number, line in enumerate(plot.lines):
-            style = STYLES[number % len(STYLES)]
-            if line.points:
-                axes.plot(line.x, line.y, "o", color=style.colour, markersize=4)
-            else:
-                axes.plot(line.x, line.y, color=style.colour, linewidth=style.width)
-            legend.append(Key(line.label, style.colour, style.width, "dot" if line.points else "line"))
+            legend.append(_line(axes, line, STYLES[number % len(STYLES)], "o" if plot.log else ""))
         for name, x in plot.marks:
             axes.axvline(x, color=INK, linewidth=0.7, linestyle=(0, (1, 2.2)))
             axes.annotate(
                 name, (x, 1), (0, 2), ("data", "axes fraction"), "offset points", ha="center", fontsize=7
             )
-        calm(axes)
+        if not plot.log:
+            calm(axes)
         return Drawing(
             "plot", plot.title, plot.note, path, svg(figure, plot.title, prefix), legend=tuple(legend)
         )
+
+
+def _logarithmic(axes: Axes) -> None:
+    """Two logarithmic axes; labels as plain numbers, since no mathematics is typeset."""
+    axes.set(xscale="log", yscale="log")
+    for axis, digits in (axes.xaxis, "g"), (axes.yaxis, ".0e"):
+        axis.set_major_formatter("{x:" + digits + "}")
+        axis.set_minor_formatter("")
+
+
+def _line(axes: Axes, line: Line, style: Style, marker: str) -> Key:
+    """Draw a line with a marker at its points, or none, and return its entry in the legend."""
+    if line.points:
+        axes.plot(line.x, line.y, "o", color=style.colour, markersize=4)
+        return Key(line.label, style.colour, style.width, "dot")
+    if line.guide:
+        axes.plot(line.x, line.y, color=INK, linewidth=1, linestyle=(0, (1, 2.2)))
+        return Key(line.label, "currentColor", 1.5, "guide")
+    axes.plot(line.x, line.y, color=style.colour, linewidth=style.width, marker=marker, markersize=3.5)
+    return Key(line.label, style.colour, style.width)
 
 
 def _picture(picture: Picture, path: str) -> Drawing:

@@ -113,12 +113,12 @@ def bias(evidence: Evidence) -> Finding:
 def all_kinds(expanding: Evidence, contracting: Evidence, uneven: Evidence) -> Finding:
     """Sections 5.4 and 7: the three kinds of deformation."""
     grown, shrunk = (e.limit(area_change, 0.0361) for e in (expanding, contracting))
-    rim = uneven.limit(unevenness, 0.0361)
+    rim = uneven.limit(unevenness, 0.0722)
     kinds = (grown.value > grown.uncertainty, -shrunk.value > shrunk.uncertainty, rim.value > UNIFORM)
     return Finding(
         Judgement.IN_KIND if all(kinds) else Judgement.NOT_REPRODUCED,
         f"At t = 0.0361 the area changes by {grown} (p = 0.433) and {shrunk} (p = -0.433) at "
-        f"ψ = 70.366; the rim deviates from a circle by {rim} at ψ = 1.3e3, p = 0.026.",
+        f"ψ = 70.366; the rim deviates from a circle by {rim} at ψ = 7.8e3, p = 0.026, t = 0.0722.",
         "The signs of p and the size of ψ select the kind: "
         + ", ".join(
             f"{name} {'occurs' if kind else 'does not occur'}"

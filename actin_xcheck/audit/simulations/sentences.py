@@ -144,7 +144,7 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
         "Sections 5.4 and 7",
         "Depending on p and ψ the cell expands uniformly, contracts uniformly or deforms non-uniformly.",
         all_kinds,
-        tuple(case.studies()[0] for case in (cases.FIG16, cases.FIG17, cases.FIG19)),
+        tuple(case.studies()[0] for case in (cases.FIG16, cases.FIG17, cases.FIG18)),
     ),
     Row(
         "s5-remark5.1-others",

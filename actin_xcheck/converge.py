@@ -1,0 +1,79 @@
+"""`converge`: observed orders, study by study."""
+
+import shlex
+import sys
+from collections import Counter
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from actin_xcheck.convergence.examine import examine
+from actin_xcheck.convergence.orders import Verdict
+from actin_xcheck.convergence.studies import studies_of
+from actin_xcheck.errors import UserError
+from actin_xcheck.progress import Progress
+from actin_xcheck.registry import METHODS, find_method
+from actin_xcheck.report import write_convergence_page
+
+DEFAULT_SCENES = (
+    *("static-decay", "growing-disk", "stirred", "manufactured-moving", "manufactured-static"),
+    *("smooth-fronts", "mode-0-cell", "fig14-four-fronts"),
+)
+
+EXHIBITED = "manufactured-moving"
+"""Where the exhibits of what stalls are shown unless they are asked for."""
+
+
+def converge_command(
+    scenes: Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", show_default=False)] = None,
+    method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
+    out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Refine h and dt, read the observed orders off and hold them against those the methods declare.
+
+    SCENE is a shipped name or the path of a TOML file; default: exact and manufactured solutions, the coupled
+    model from smooth data, a mode of the cell and Fig. 14, with every method that moves its own nodes and the
+    one that stalls.  Given an interrupted report's folder, it goes on there.  Exit code 0 when no claim
+    fails, 1 when one does, 2 for a mistake in what was asked.
+    """
+    folder = out_dir or Path("reports") / f"converge-{datetime.now():%Y%m%d-%H%M%S}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    by_scene = [
+        studies_of(
+            name, [find_method(one) for one in dict.fromkeys(method or _default_methods(name))], folder
+        )
+        for name in dict.fromkeys(scenes or DEFAULT_SCENES)
+    ]
+    names = Counter(studies[0].scene.name for studies in by_scene if studies)
+    if repeated := sorted(name for name, count in names.items() if count > 1):
+        raise UserError(f"converge: more than one scene is named {', '.join(repeated)}")
+    studies = [study for studies in by_scene for study in studies]
+    if not studies:
+        raise UserError("--method: what is declared to stall is studied where the exact solution is known")
+    command = "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+    with Progress(quiet) as progress:
+        results = examine(studies, folder, command, progress.report)
+    page = write_convergence_page(folder)
+    failed = [result for result in results if result.observed.verdict is Verdict.FAIL]
+    for result in failed:
+        print(f"FAIL {result.scene} [{result.method}]: {result.quantity} in {result.refined}: ", end="")
+        print(result.observed.reason)
+    counts = Counter(result.observed.verdict for result in results)
+    found = ", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict])
+    print(f"{found}; report: {page}")
+    raise typer.Exit(1 if failed else 0)
+
+
+def _default_methods(scene: str) -> list[str]:
+    """Those that move their own nodes: driven ones repeat their scheme, or stall and are shown once."""
+    return [
+        one.name
+        for one in METHODS.values()
+        if one.driven_by is None or (scene == EXHIBITED and not one.order_h)
+    ]

@@ -1,0 +1,115 @@
+"""What a study measures on stored runs: its error against a known truth, or its change between two levels."""
+
+import json
+from enum import StrEnum
+from typing import Literal
+
+import numpy as np
+
+from actin_xcheck.geometry import signed_areas
+from actin_xcheck.prediction import fit_growth, growth_rate
+from actin_xcheck.resolve import in_scene_frame
+from actin_xcheck.scene import Scene
+from actin_xcheck.store import Run
+from actin_xcheck.verdicts import cell_difference, l2_error, reference_errors
+
+
+class Quantity(StrEnum):
+    """What is measured at the end of a run; area, total actin and probes are series of it."""
+
+    CONCENTRATION = "concentration"
+    AREA = "area"
+    TOTAL_ACTIN = "total_actin"
+    PROBES = "probe_a"
+    GROWTH_RATE = "growth_rate"
+
+    @property
+    def words(self) -> str:
+        """What its error is, for a reader."""
+        return _WORDS[self]
+
+    @property
+    def is_functional(self) -> bool:
+        """Whether it is one number of the whole cell, which may converge faster than the field does."""
+        return self not in (Quantity.CONCENTRATION, Quantity.PROBES)
+
+    @property
+    def floor(self) -> float:
+        """Relative errors up to this are round-off.
+
+        A growth rate is fitted to a mode of amplitude 1e-6 on a = 1, whose round-off is 1e-16.
+        """
+        return 1e-8 if self is Quantity.GROWTH_RATE else 1e-12
+
+
+_WORDS = {
+    Quantity.CONCENTRATION: "concentration (relative L2)",
+    Quantity.AREA: "area (relative)",
+    Quantity.TOTAL_ACTIN: "total actin (relative)",
+    Quantity.PROBES: "concentration at the probes (largest)",
+    Quantity.GROWTH_RATE: "growth rate (relative)",
+}
+
+
+def error_of(scene: Scene, run: Run, quantity: Quantity) -> float:
+    """Error at the end against what the scene expects; nan where the run has no such number."""
+    if run.attributes["outcome"] != "completed":
+        return np.nan
+    match quantity:
+        case Quantity.CONCENTRATION:
+            return _concentration_error(scene, run)
+        case Quantity.GROWTH_RATE:
+            assert scene.mode is not None
+            exact = growth_rate(scene.physics, *scene.mode)
+            return float(abs(_fitted_rate(scene, run) - exact) / abs(exact))
+        case _:
+            return reference_errors(scene, run)[quantity]
+
+
+def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> float:
+    """Difference of two levels at the end; nan where one of them has no number.
+
+    Of the concentration on one mesh only, where both know it in the same cells.
+    """
+    if any(run.attributes["outcome"] != "completed" for run in (coarse, fine)):
+        return np.nan
+    match quantity:
+        case Quantity.CONCENTRATION:
+            return cell_difference(fine, coarse)
+        case Quantity.GROWTH_RATE:
+            rate = _fitted_rate(scene, fine)
+            return float(abs(_fitted_rate(scene, coarse) - rate) / abs(rate))
+        case _:
+            one, other = (np.asarray(run.series[quantity][-1]) for run in (coarse, fine))
+            scale = np.abs(other) if quantity.is_functional else 1.0
+            return float(np.max(np.abs(one - other) / scale))
+
+
+def _concentration_error(scene: Scene, run: Run) -> float:
+    """Relative L2 error of the field as stored.
+
+    Between corners a file knows the straight interpolant only, which is second order: methods of a higher
+    one are measured at the corners, each with a third of its cells' areas.
+    """
+    if dict(json.loads(run.attributes["method"])["options"]).get("space", 1) == 1:
+        return l2_error(scene, run)
+    expected = scene.expect.exact
+    assert expected is not None
+    exact = in_scene_frame(scene, expected.a, run.points[-1], run.xi, float(run.times[-1]))
+    areas = np.repeat(signed_areas(run.points[-1], run.triangles)[None] / 3, 3, axis=0)
+    weights = np.bincount(run.triangles.ravel(), areas.ravel(), len(exact))
+    return float(np.sqrt(weights @ (run.a_points[-1] - exact) ** 2 / (weights @ exact**2)))
+
+
+def _fitted_rate(scene: Scene, run: Run) -> complex:
+    """The measured growth rate of the scene's mode; nan where no exponentials fit."""
+    expected = scene.expect.growth_rate
+    assert expected is not None
+    rate = growth_rate(scene.physics, expected.m, expected.n)
+    # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
+    exponentials: Literal[1, 2] = 1 if scene.initial.eigenmode and not rate.imag else 2
+    try:
+        series = run.series
+        return fit_growth(series["time"], series["mode_amplitude"], expected.window, exponentials).rate
+    except ValueError:
+        return complex("nan")

@@ -1,0 +1,220 @@
+"""Studies: one scene by one method on successive levels, one quantity, one truth, one declared order.
+
+With h goes dt ~ h^(order_h/order_dt), so that both parts of the error fall together; dt alone is refined on
+one mesh, against the next finer level (Richardson), which leaves the error in space out.  Levels are fixed
+and consecutive: none can be picked for its slope.
+"""
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from actin_xcheck.compare import Job
+from actin_xcheck.convergence.quantities import Quantity
+from actin_xcheck.expression import coordinates
+from actin_xcheck.model import Closure, Rheology
+from actin_xcheck.prediction import growth_rate
+from actin_xcheck.registry import Method
+from actin_xcheck.scene import Scene, load_scene
+
+REFINES = (1, 2, 3, 4, 5)
+"""Meshes of 13 to 2113 nodes."""
+
+FIXED_REFINE = 3
+"""The mesh on which dt is refined, 145 nodes: what it leaves out does not matter."""
+
+FIXED_STEPS = (5, 10, 20, 40, 80, 160)
+"""Steps of a dt study over the whole time."""
+
+COARSEST_STEPS = {1: 1, 2: 4}
+"""Steps on the coarsest mesh, by the order in time up to 2: a first-order scheme makes four times as many on
+the next one, and 256 on the finest."""
+
+PRINTED = 1e-9
+"""Reference values are printed to ten digits."""
+
+
+class Refined(StrEnum):
+    """What becomes smaller from level to level."""
+
+    H = "h"
+    """The mesh width, and dt with it."""
+    DT = "dt"
+    """The time step alone."""
+
+
+class Truth(StrEnum):
+    """What a number is held against."""
+
+    EXACT = "the exact solution"
+    MODE = "the exact mode"
+    REFERENCE = "the scene's reference values"
+    RICHARDSON = "the next finer level"
+
+
+@dataclass(frozen=True)
+class Level:
+    """A mesh of 2**refine layers and a number of equal steps."""
+
+    refine: int
+    steps: int
+
+
+@dataclass(frozen=True)
+class Study:
+    """A sequence of levels and what is read off it.
+
+    Attributes
+    ----------
+    scene : as it is run, see `final`.
+    origin : what the user calls the scene.
+    method, refined, quantity, truth : what is done.
+    levels : coarsest first.
+    no_claim : why no order is claimed; empty where one is.
+    """
+
+    scene: Scene
+    origin: str
+    method: Method
+    refined: Refined
+    quantity: Quantity
+    truth: Truth
+    levels: tuple[Level, ...]
+    no_claim: str
+
+    @property
+    def key(self) -> str:
+        """A name of its own in the file of a report."""
+        return f"{self.scene.name}--{self.method.name}--{self.refined}--{self.quantity}"
+
+    @property
+    def declared(self) -> float:
+        """The order of the method."""
+        return self.method.order_h if self.refined is Refined.H else self.method.order_dt
+
+    @property
+    def at_least(self) -> bool:
+        """Whether more than the declared order holds too: finite elements of order k give numbers of the
+        whole cell to h^2k."""
+        return self.quantity.is_functional and self.refined is Refined.H
+
+    @property
+    def floor(self) -> float:
+        """Errors up to this say nothing."""
+        return max(self.quantity.floor, PRINTED if self.truth is Truth.REFERENCE else 0.0)
+
+    def steps_of(self, level: Level) -> tuple[float, float]:
+        """(h, dt) of a level."""
+        return 2.0**-level.refine, self.scene.time.end / level.steps
+
+    def job(self, level: Level, folder: Path) -> Job:
+        """The run of a level."""
+        name = f"{self.scene.name}--{self.method.name}--{level.refine}--{level.steps}.vtkhdf"
+        _, dt = self.steps_of(level)
+        return Job(self.scene, self.method, level.refine, dt, folder / "runs" / name)
+
+
+def studies_of(name_or_path: str | Path, methods: Sequence[Method], folder: Path) -> list[Study]:
+    """Return the studies of a scene, which is written to `folder/scenes` where it is not run as it stands.
+
+    A method that declares order 0 in space is kept to show that it stalls: it is studied in h only, where the
+    exact solution is known.
+    """
+    origin = load_scene(name_or_path)
+    scene = final(origin, folder)
+    studies = []
+    for method in methods:
+        if not (method.order_h or scene.expect.exact):
+            continue
+        for refined in Refined if method.order_h else (Refined.H,):
+            levels = _levels(scene, method, refined)
+            why = _no_claim(scene, method)
+            studies += [
+                Study(scene, origin.origin, method, refined, quantity, truth, levels, why)
+                for quantity, truth in _measured(scene, refined)
+            ]
+    return studies
+
+
+def final(scene: Scene, folder: Path) -> Scene:
+    """Return the scene without intermediate output times, so that all steps are equal.
+
+    Only reference values at the last of their times are kept; where the scene goes on beyond, it ends there.
+    """
+    table = tomllib.loads(scene.text)
+    reference = table.get("expect", {}).get("reference")
+    if reference:
+        last = max(reference["at"], key=lambda at: at["time"])
+        reference["at"] = [last]
+        reference["bound"] = {name: bound for name, bound in reference["bound"].items() if name in last}
+        if scene.expect.growth_rate is None:
+            table["time"]["end"] = last["time"]
+    if scene.output_times == (table["time"]["end"],):
+        return scene
+    table["time"].pop("outputs", None)
+    path = folder / "scenes" / f"{scene.name}.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    return load_scene(path)
+
+
+def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, Truth]]:
+    """What is measured, and held against what, for a scene that expects what this one does."""
+    expect, found = scene.expect, []
+    if refined is Refined.DT:
+        if expect.growth_rate:
+            return [(Quantity.GROWTH_RATE, Truth.RICHARDSON)]
+        moves = scene.motion is None and scene.parameters.psi + abs(scene.parameters.p) > 0
+        quantities = (Quantity.CONCENTRATION, *((Quantity.AREA,) if moves else ()))
+        return [(quantity, Truth.RICHARDSON) for quantity in quantities]
+    if expect.exact:
+        found.append((Quantity.CONCENTRATION, Truth.EXACT))
+    if expect.growth_rate:
+        found.append((Quantity.GROWTH_RATE, Truth.MODE))
+    if expect.reference:
+        known = expect.reference.bound
+        names = [name for name in ("area", "total_actin", "probe_a") if getattr(known, name)]
+        found += [(Quantity(name), Truth.REFERENCE) for name in names]
+    return found or [(Quantity.AREA, Truth.RICHARDSON), (Quantity.TOTAL_ACTIN, Truth.RICHARDSON)]
+
+
+def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[Level, ...]:
+    """The levels of a study, from the method's declared orders alone."""
+    if refined is Refined.DT:
+        return tuple(Level(FIXED_REFINE, steps) for steps in FIXED_STEPS)
+    # an exhibit that stalls takes the steps of the second-order method it would be
+    ratio = (method.order_h or 2) / method.order_dt
+    first = COARSEST_STEPS[1 if method.order_dt <= 1 else 2]
+    if scene.expect.growth_rate:  # as many samples as its fit needs
+        assert scene.mode is not None
+        first = max(first, 5 if growth_rate(scene.physics, *scene.mode).imag else 2)
+    return tuple(Level(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in REFINES)
+
+
+def _flux_at_start(scene: Scene) -> float:
+    """Largest |n.grad a| on the rim at t = 0, from five points inside."""
+    theta = np.linspace(0, 2 * np.pi, 361)
+    r = 1 - 1e-2 * np.arange(5)
+    points = r[:, None, None] * np.array([np.cos(theta), np.sin(theta)])
+    values = np.array([scene.initial.a(**coordinates(at)) for at in points])
+    slope = np.array([25, -48, 36, -16, 3]) / 12e-2  # one-sided, fourth order
+    return float(np.abs(slope @ values).max())
+
+
+def _no_claim(scene: Scene, method: Method) -> str:
+    """Why the method's orders are not claimed of the scene; empty where they are."""
+    if not method.order_h:
+        return "declared to stall: the exhibit of what does not converge on triangles"
+    if scene.expect.exact:
+        return ""
+    wall = scene.motion is not None or scene.physics.closure is Closure.IRROTATIONAL_WALL
+    if scene.physics.rheology is Rheology.VISCOELASTIC and scene.parameters.p and not wall:
+        return "with p ≠ 0 the load of a viscoelastic rim needs the trace of div u, which costs half an order"
+    if scene.expect.growth_rate is None and _flux_at_start(scene) > 1e-6:
+        return "the initial concentration breaks n·∇a = 0, or is not smooth, at t = 0"
+    return ""

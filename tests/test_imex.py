@@ -1,0 +1,170 @@
+"""Curved elements with additive Runge-Kutta pairs: orders from both sides, conservation, step control."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from actin_xcheck.registry import METHODS
+from actin_xcheck.result import Ending
+from actin_xcheck.runs import bind
+from actin_xcheck.scene import load_scene
+from actin_xcheck.stepping import Tolerance, integrate
+from fem.tableaux import TABLEAUX
+from tests.lab import Film, film_of, local_orders, play, scene_of
+
+IMEX = [name for name in METHODS if "imex" in name]
+EVERY = pytest.mark.parametrize("method", IMEX)
+SMOOTH = "1 + 0.1*cos(pi*r**2)*(1 + 0.5*(r**2 - r**4/2)*cos(2*theta))"  # n.grad a = 0 on the rim
+MOVING = scene_of("psi = 270.0\np = 0.26", a=SMOOTH, end=0.08, more='[model]\ndelta = "ring"\n')
+
+
+def changes(values):
+    """Largest differences of successive levels."""
+    return [np.abs(fine - coarse).max() for coarse, fine in pairwise(values)]
+
+
+@pytest.mark.parametrize("pair", TABLEAUX.values(), ids=lambda pair: f"order {pair.order}")
+def test_the_pairs_meet_their_order_conditions_coupling_included(pair):
+    """Every tree with up to `order` nodes, each edge by either half (Kennedy and Carpenter, table 2)."""
+    b, c, halves = pair.b, pair.c, (pair.explicit, pair.implicit)
+    assert all(np.allclose(half.sum(axis=1), c, atol=1e-13) for half in halves)
+    trees = {1: [(b.sum(), 1)], 2: [(b @ c, 1 / 2)]}
+    trees[3] = [(b @ c**2, 1 / 3), *((b @ A @ c, 1 / 6) for A in halves)]
+    trees[4] = [
+        (b @ c**3, 1 / 4),
+        *((b * c @ A @ c, 1 / 8) for A in halves),
+        *((b @ A @ c**2, 1 / 12) for A in halves),
+        *((b @ A @ B @ c, 1 / 24) for A in halves for B in halves),
+    ]
+    for order in range(1, pair.order + 1):
+        assert all(abs(value - exact) < 1e-13 for value, exact in trees[order])
+    assert pair.order == 4 or any(abs(value - exact) > 1e-3 for value, exact in trees[pair.order + 1])
+    assert np.allclose(pair.implicit[-1], b, atol=1e-15)  # stiffly accurate
+    assert pair.b_embedded.sum() == pytest.approx(1, abs=1e-13)
+
+
+def after(solver, state, time, steps):
+    """The state `time` later, in equal steps."""
+    for _ in range(steps):
+        state, outcome = solver.step(state, time / steps)
+        assert outcome.ok
+    return state
+
+
+@EVERY
+def test_order_in_dt_of_the_coupled_moving_cell(method):
+    """Differences of successive levels on a fixed mesh, ring and all, from a state the equations have made.
+
+    Started from data that miss n.grad a_t = 0, the steps of order 4 fall at 3 to 3.7 first.  Pointwise they
+    do so still: on a moving boundary a pair whose stages are of order 2 loses order where n.grad a = 0 is met.
+    """
+    order, solver = METHODS[method].order_dt, bind(MOVING, METHODS[method], 2, 1.0)
+    made = after(solver, solver.init(), 0.02, 64)
+    ends = [after(solver, made, 0.06, n) for n in ((4, 8, 16, 32) if order == 4 else (8, 16, 32, 64))]
+    areas = [np.array([solver.measure(end).area]) for end in ends]
+    assert local_orders(changes(areas))[-1] == pytest.approx(order, abs=0.2)
+    assert local_orders(changes([end.x for end in ends]))[-1] > order - 0.4
+
+
+@pytest.mark.parametrize(("method", "levels"), [("fem-p2-imex3", (2, 3, 4)), ("fem-p3-imex4", (1, 2, 3))])
+def test_order_in_h_of_the_viscous_moving_cell(method, levels):
+    """Area and total actin against a finer run; `viscous` needs no trace of div u and has the full order."""
+    scene = scene_of(
+        "psi = 270.0\np = 0.26\nl0 = 0.75",
+        a=SMOOTH,
+        end=0.04,
+        more='[model]\nrheology = "viscous"\n',
+    )
+    dt = scene.time.end / 16
+    truth = play(scene, "fem-p4-imex4", 3, dt)
+    exact = truth.solver.measure(truth.last)
+    runs = [play(scene, method, refine, dt) for refine in levels]
+    found = [run.solver.measure(run.last) for run in runs]
+    order = METHODS[method].order_h
+    for quantity in ("area", "total_actin"):
+        errors = [abs(getattr(one, quantity) - getattr(exact, quantity)) for one in found]
+        assert errors[-1] < 1e-4
+        assert local_orders(errors)[-1] > order - 0.35
+
+
+@EVERY
+def test_every_stage_conserves_actin_whatever_the_steps(method):
+    solver, film = bind(MOVING, METHODS[method], 2, 1.0), None
+    film = Film(solver)
+    outcome = integrate(solver, 1.0, (MOVING.time.end,), film, Tolerance(1e-4, METHODS[method].order_dt))
+    assert outcome.ok
+    assert len({round(s.t, 12) for s in film.states}) == len(film.states) > 4
+    assert film.residual < 1e-13
+
+
+@EVERY
+def test_a_smaller_tolerance_gives_a_smaller_error(method):
+    order, truth = METHODS[method].order_dt, play(MOVING, method, 2, MOVING.time.end / 200).last
+
+    def error(rtol):
+        solver = bind(MOVING, METHODS[method], 2, 1.0)
+        film = Film(solver)
+        assert integrate(solver, 1.0, (MOVING.time.end,), film, Tolerance(rtol, order)).ok
+        return np.abs(film.last.x - truth.x).max()
+
+    coarse, fine = error(1e-3), error(1e-6)
+    assert fine < coarse / 5
+    assert fine < 50 * 1e-6
+
+
+@EVERY
+def test_a_uniform_cell_without_reaction_stays_uniform_under_shear(method):
+    scene = scene_of(
+        a="1",
+        end=0.1,
+        more='[model]\nreaction = false\n[motion]\nx = "x0 + 0.5*t*y0"\ny = "y0 - 0.3*t*x0*y0"\n',
+    )
+    film = play(scene, method, 2, 0.02)
+    jacobian = film.solver.measure(film.last).area / film.solver.measure(film.states[0]).area
+    assert film.solver.measure(film.last).total_actin == pytest.approx(
+        film.solver.measure(film.states[0]).total_actin, rel=1e-12
+    )
+    assert jacobian == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("method", ["fem-p2-imex3", "fem-p4-imex4"])
+def test_probes_are_where_the_points_are(method):
+    """At the start a material point is at its place and reads the initial field there, rim included."""
+    scene = scene_of(a="1 + 0.3*sin(x + 2*y)", end=0.1)
+    solver = bind(scene, METHODS[method], 3, 0.1)
+    points = np.array([[0, 0], [0.4, 0.1], [0.8, 0], [1, 0], [np.cos(1), np.sin(1)], [-0.3, 0.77]]).T
+    a, x = solver.probes(points)(solver.init())
+    assert np.abs(x.T - points).max() < (1e-12 if "p4" in method else 1e-4)
+    assert a == pytest.approx(
+        1 + 0.3 * np.sin(points[0] + 2 * points[1]), abs=2e-3 if "p2" in method else 1e-5
+    )
+
+
+def test_a_model_that_breaks_down_ends_with_its_own_outcome():
+    """psi = 7.8e3, viscoelastic: 1 + phi reaches 0; the controller follows it down and says so."""
+    scene = load_scene("fig18-nonuniform-contraction")
+    broken = scene_of("psi = 7.8e3\np = 0.026", a=str(scene.initial.a), end=0.05)
+    solver = bind(broken, METHODS["fem-p2-imex3"], 3, 1.0)
+    film = Film(solver)
+    outcome = integrate(solver, 1.0, broken.output_times, film, Tolerance(1e-4, 3))
+    assert outcome.ending is Ending.SINGULAR_DILATION
+    assert 0.012 < film.last.t < 0.02
+
+
+def test_a_wrong_weight_is_seen(monkeypatch):
+    """The order test above fails with a pair that is consistent but not of its order."""
+    good = TABLEAUX[3]
+    monkeypatch.setitem(TABLEAUX, 3, replace(good, b=good.b_embedded))
+    ends = [play(MOVING, "fem-p2-imex3", 2, MOVING.time.end / n).last.x for n in (8, 16, 32, 64)]
+    assert local_orders(changes(ends))[-1] < 2.6
+
+
+def test_film_and_outcome_of_an_adaptive_run_land_on_the_outputs():
+    scene = load_scene("fig14-four-fronts")
+    solver = bind(scene, METHODS["fem-p2-imex3"], 2, 1.0)
+    film = Film(solver)
+    assert integrate(solver, 1.0, scene.output_times, film, Tolerance(1e-3, 3)).ok
+    assert [frame.t for frame in film.frames] == [0.0, *scene.output_times]
+    assert film_of(solver, 0.02, (0.02,))[1].ok
