@@ -13,6 +13,7 @@ from rich.table import Table
 
 from actin_xcheck import compare as comparison
 from actin_xcheck import predict
+from actin_xcheck.accuracy import deliver
 from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
 from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.errors import UserError
@@ -103,20 +104,28 @@ def compare_command(
 @app.command("run")
 def run_command(
     scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")],
+    method: Annotated[
+        str,
+        typer.Option(help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own."),
+    ],
     out_file: Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")],
     refine: Refine = None,
     dt: Dt = None,
     rtol: Rtol = None,
+    accuracy: Annotated[
+        float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
+    ] = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Run one scene with one method; exit code 1 (and a file that says why) where the run fails."""
     _positive(dt)
-    loaded, chosen = load_scene(scene), find_method(method)
-    if rtol is not None and not chosen.adaptive:
-        adaptive = ", ".join(method.name for method in METHODS.values() if method.adaptive)
-        raise UserError(f"--rtol: {chosen.name} takes equal steps; valid with {adaptive}, or --dt instead")
+    loaded = load_scene(scene)
+    if accuracy is not None:
+        _check_accuracy(accuracy, method, refine, dt, rtol)
+    elif rtol is not None and not find_method(method).adaptive:
+        adaptive = ", ".join(name for name, known in METHODS.items() if known.adaptive)
+        raise UserError(f"--rtol: {method} takes equal steps; valid with {adaptive}, or --dt instead")
     if out_file.suffix != ".vtkhdf":
         raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
     if out_file.is_dir():
@@ -124,8 +133,11 @@ def run_command(
     if out_file.exists() and not force:
         raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
     _make_folder(out_file.parent)
-    refine, dt = numerics(loaded, refine, dt)
     _warn_of(loaded)
+    if accuracy is not None:
+        _deliver(loaded, accuracy, out_file, quiet)
+    chosen = find_method(method)
+    refine, dt = numerics(loaded, refine, dt)
     job = comparison.Job(loaded, chosen, refine, dt, out_file, rtol)
     with Progress(quiet) as progress:
         outcome = run(
@@ -140,6 +152,38 @@ def run_command(
         )
     print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _check_accuracy(
+    accuracy: float, method: str, refine: int | None, dt: float | None, rtol: float | None
+) -> None:
+    if not 0 < accuracy < 1:
+        raise UserError(f"--accuracy: {accuracy:g} is no error; valid: a number between 0 and 1")
+    if method != "fem":
+        raise UserError(f"--accuracy: not with --method {method}; valid: --method fem, which then chooses")
+    chosen = {"--refine": refine, "--dt": dt, "--rtol": rtol}
+    if given := [name for name, value in chosen.items() if value is not None]:
+        raise UserError(f"--accuracy: chooses {', '.join(given)} itself; valid: without")
+
+
+def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool) -> None:
+    """Run to an accuracy, say what was reached and leave with the exit code."""
+    with Progress(quiet) as progress:
+        reached = deliver(
+            scene,
+            accuracy,
+            out_file,
+            _command(),
+            lambda done, total: progress.report(scene.name, done, total),
+        )
+    if not reached.outcome.ok:
+        print(f"{reached.outcome.ending}: {reached.outcome.message}")
+        raise typer.Exit(1)
+    print(
+        f"completed: {out_file}; estimated error {reached.estimate:.1e} "
+        f"(--method {reached.method.name} --refine {reached.refine} --rtol {reached.rtol:g})"
+    )
+    raise typer.Exit(0)
 
 
 @scenes_app.callback()

@@ -16,6 +16,7 @@ from actin_xcheck.errors import UserError
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
 from actin_xcheck.report import write_convergence_page
+from actin_xcheck.scene import load_scene
 
 DEFAULT_SCENES = (
     *("static-decay", "growing-disk", "stirred", "manufactured-moving", "manufactured-static"),
@@ -39,21 +40,19 @@ def converge_command(
     one that stalls.  Given an interrupted report's folder, it goes on there.  Exit code 0 when no claim
     fails, 1 when one does, 2 for a mistake in what was asked.
     """
+    chosen = {
+        name: [find_method(one) for one in dict.fromkeys(method or _default_methods(name))]
+        for name in dict.fromkeys(scenes or DEFAULT_SCENES)
+    }
+    names = Counter(load_scene(name).name for name in chosen)
+    if repeated := sorted(name for name, count in names.items() if count > 1):
+        raise UserError(f"converge: more than one scene is named {', '.join(repeated)}")
     folder = out_dir or Path("reports") / f"converge-{datetime.now():%Y%m%d-%H%M%S}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
-    by_scene = [
-        studies_of(
-            name, [find_method(one) for one in dict.fromkeys(method or _default_methods(name))], folder
-        )
-        for name in dict.fromkeys(scenes or DEFAULT_SCENES)
-    ]
-    names = Counter(studies[0].scene.name for studies in by_scene if studies)
-    if repeated := sorted(name for name, count in names.items() if count > 1):
-        raise UserError(f"converge: more than one scene is named {', '.join(repeated)}")
-    studies = [study for studies in by_scene for study in studies]
+    studies = [study for name, methods in chosen.items() for study in studies_of(name, methods, folder)]
     if not studies:
         raise UserError("--method: what is declared to stall is studied where the exact solution is known")
     command = "python -m actin_xcheck " + shlex.join(sys.argv[1:])

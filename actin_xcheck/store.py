@@ -65,6 +65,13 @@ class Run(vtkhdf.Film):
     attributes: dict[str, Any]
     series: dict[str, Array]
 
+    def row_at(self, t: float) -> dict[str, Any]:
+        """The row of the series at time t; ValueError where the run did not come that far."""
+        row = int(np.argmin(np.abs(self.series["time"] - t)))
+        if abs(self.series["time"][row] - t) > 1e-9:
+            raise ValueError(f"{self.path.name} has no row at t = {t:g}: {self.attributes['message']}")
+        return {name: values[row] for name, values in self.series.items()}
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -168,6 +175,12 @@ def read_run(path: Path) -> Run:
         series = {name: dataset[:] for name, dataset in file["run/series"].items()}
         film = vtkhdf.read(file)
         return Run(path=Path(path), attributes=attributes, series=series, **vars(film))
+
+
+def annotate(path: Path, attributes: Attributes) -> None:
+    """State more about a finished run: what is known only when it is compared with others."""
+    with h5py.File(path, "r+") as file:
+        state(file["run"], attributes)
 
 
 def write_comparison(

@@ -1,10 +1,10 @@
 """The transport equation in FiPy's words, pulled back to the fixed reference mesh.
 
 With J = V/V0 the conservative Lagrangian form d/dt (V a) = sum_f d S.grad a + k (V - V a) + V s is local
-but for its flux.  One implicit step is, on the reference mesh, TransientTerm(J (1 + k dt)) == DiffusionTerm(c):
-what decays stands with the new J a, what is gained with the old one, and face coefficients c carry the moving
-faces.  FiPy multiplies with V0/dt and sums fluxes, so mass is exact.  Terms of its own for decay and gain would
-say the same and double the cost of assembly.
+but for its flux.  One implicit step is, on the reference mesh, TransientTerm(J (1 + k dt)) ==
+DiffusionTerm(c): what decays stands with the new J a, what is gained with the old one, and face
+coefficients c carry the moving faces.  FiPy multiplies with V0/dt and sums fluxes, so mass is exact.  Terms
+of its own for decay and gain would say the same and double the cost of assembly.
 
 In time there are two uses.  `system` is (B.23b): backward Euler, with the gain k J of polymerisation from the
 old configuration.  Both codes then share one error in dt, and what is left between them is space alone.

@@ -57,6 +57,8 @@ def factorise(matrix: sp.csr_matrix) -> Inverse | None:
             matrix.tocsc(),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
+            relax=1,  # columns of so little fill do not gather into blocks
+            panel_size=1,
             options={"SymmetricMode": True},
         )
     except RuntimeError:

@@ -77,8 +77,7 @@ class _Solution:
 class FvSecondOrder(FvDiamond):
     """The diamond scheme in space and ARS(2,2,2) in time, with an estimate of each step's error.
 
-    The nodes of a prescribed motion are where it has them.  Where the force balance moves them, velocities
-    are those of moves that take no time, which also tell where the dilation is singular.
+    The nodes of a prescribed motion are where it has them; the force balance's are integrated.
     """
 
     def step(self, state: State, dt: float) -> tuple[FvState, Outcome]:
@@ -107,14 +106,14 @@ class FvSecondOrder(FvDiamond):
         """Velocities of the nodes now; of no use where the motion is prescribed."""
         if isinstance(self.mechanics, PrescribedMotion):
             return Move(here.x, np.zeros_like(here.x))
-        return self.mechanics.advance(here.t, 0.0, here.x, self.corners(here))
+        return self.mechanics.flow(here.t, here.x, self.corners(here))
 
     def _place(self, state: FvState, dt: float, stage: _Stage, rates: list[Move]) -> Array:
         """Node positions of a stage, (2, N)."""
         if isinstance(self.mechanics, PrescribedMotion):
             return self.mechanics.advance(state.t, stage.at * dt, state.x, self.corners(state)).x
         velocity = _blend(stage.explicit, [move.v for move in rates])
-        return self.mechanics.start(state.x + dt * velocity)  # back onto the wall, where there is one
+        return self.mechanics.settle(state.x + dt * velocity)
 
     def _solve(
         self, here: FvState, dt: float, carried: Array, inverse: krylov.Inverse | None

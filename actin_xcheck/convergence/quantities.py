@@ -1,11 +1,13 @@
 """What a study measures on stored runs: its error against a known truth, or its change between two levels."""
 
 import json
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Literal
 
 import numpy as np
 
+from actin_xcheck.convergence.orders import ROUND_OFF
 from actin_xcheck.geometry import signed_areas
 from actin_xcheck.prediction import fit_growth, growth_rate
 from actin_xcheck.resolve import in_scene_frame
@@ -22,6 +24,8 @@ class Quantity(StrEnum):
     TOTAL_ACTIN = "total_actin"
     PROBES = "probe_a"
     GROWTH_RATE = "growth_rate"
+    AMPLITUDE = "mode_amplitude"
+    """Of the mode whose growth is measured: no fit, whose rate would depend on how often the mode is seen."""
 
     @property
     def words(self) -> str:
@@ -35,11 +39,8 @@ class Quantity(StrEnum):
 
     @property
     def floor(self) -> float:
-        """Relative errors up to this are round-off.
-
-        A growth rate is fitted to a mode of amplitude 1e-6 on a = 1, whose round-off is 1e-16.
-        """
-        return 1e-8 if self is Quantity.GROWTH_RATE else 1e-12
+        """Relative errors up to this are round-off: modes have an amplitude of 1e-6 on a = 1."""
+        return 1e-8 if self in (Quantity.GROWTH_RATE, Quantity.AMPLITUDE) else ROUND_OFF
 
 
 _WORDS = {
@@ -48,6 +49,7 @@ _WORDS = {
     Quantity.TOTAL_ACTIN: "total actin (relative)",
     Quantity.PROBES: "concentration at the probes (largest)",
     Quantity.GROWTH_RATE: "growth rate (relative)",
+    Quantity.AMPLITUDE: "amplitude of the mode (relative)",
 }
 
 
@@ -67,7 +69,7 @@ def error_of(scene: Scene, run: Run, quantity: Quantity) -> float:
 
 
 def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> float:
-    """Difference of two levels at the end; nan where one of them has no number.
+    """Difference of two levels at the end; nan where one of them did not get there.
 
     Of the concentration on one mesh only, where both know it in the same cells.
     """
@@ -76,13 +78,15 @@ def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> 
     match quantity:
         case Quantity.CONCENTRATION:
             return cell_difference(fine, coarse)
-        case Quantity.GROWTH_RATE:
-            rate = _fitted_rate(scene, fine)
-            return float(abs(_fitted_rate(scene, coarse) - rate) / abs(rate))
         case _:
             one, other = (np.asarray(run.series[quantity][-1]) for run in (coarse, fine))
             scale = np.abs(other) if quantity.is_functional else 1.0
             return float(np.max(np.abs(one - other) / scale))
+
+
+def elements_of(options: Sequence[tuple[str, int]]) -> int:
+    """Polynomial order of the elements that a method's options name."""
+    return dict(options).get("space", 1)
 
 
 def _concentration_error(scene: Scene, run: Run) -> float:
@@ -91,7 +95,7 @@ def _concentration_error(scene: Scene, run: Run) -> float:
     Between corners a file knows the straight interpolant only, which is second order: methods of a higher
     one are measured at the corners, each with a third of its cells' areas.
     """
-    if dict(json.loads(run.attributes["method"])["options"]).get("space", 1) == 1:
+    if elements_of(json.loads(run.attributes["method"])["options"]) == 1:
         return l2_error(scene, run)
     expected = scene.expect.exact
     assert expected is not None

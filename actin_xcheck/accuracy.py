@@ -1,0 +1,111 @@
+"""A run that is as accurate as asked: finer and finer levels until what changes between them is small.
+
+From level to level elements rise in order, then cells are halved, and the tolerance of a step falls by ten:
+errors in space and in time fall together.  The change from one level to the next is the error of the coarser
+one, but for the little that is left in the finer.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from actin_xcheck.errors import UserError
+from actin_xcheck.registry import METHODS, Method
+from actin_xcheck.result import Outcome
+from actin_xcheck.runs import run
+from actin_xcheck.scene import Scene
+from actin_xcheck.store import Run, annotate, read_run
+from actin_xcheck.watch import Progress
+
+LEVELS = (
+    (METHODS["fem-p2-imex3"], 2, 1e-3),
+    (METHODS["fem-p3-imex4"], 2, 1e-4),
+    (METHODS["fem-p4-imex4"], 2, 1e-5),
+    (METHODS["fem-p4-imex4"], 3, 1e-6),
+    (METHODS["fem-p4-imex4"], 4, 1e-7),
+    (METHODS["fem-p4-imex4"], 5, 1e-8),
+)
+"""Method, mesh refinement and tolerance; errors fall five- to twentyfold from one level to the next."""
+
+SHARE = 0.5
+"""Of the last change, the part that may be left: twice what is found on rim and ring, where it is most."""
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """What was reached.
+
+    Attributes
+    ----------
+    outcome : how the last run ended.
+    method, refine, rtol : its level.
+    estimate : of the largest error of area and total actin (relative), concentrations and positions at the
+        probes (absolute) over the output times; nan where fewer than two levels completed.
+    changes : largest change from level to level.
+    """
+
+    outcome: Outcome
+    method: Method
+    refine: int
+    rtol: float
+    estimate: float
+    changes: tuple[float, ...]
+
+
+def deliver(
+    scene: Scene, accuracy: float, path: Path, command: str, progress: Progress = lambda done, total: None
+) -> Delivered:
+    """Run a scene on finer and finer levels until its estimated error is at most `accuracy`; the last is kept.
+
+    Parameters
+    ----------
+    scene : what to run; a model that breaks down is delivered as it ended.
+    accuracy : largest error asked for, see `Delivered.estimate`.
+    path : the `.vtkhdf` file to write.
+    command : what reproduces it.
+    progress : told of each level's run.
+
+    Raises UserError where the finest level does not reach it; the file then holds that level.
+    """
+    before: Run | None = None
+    changes: list[float] = []
+    for method, refine, rtol in LEVELS:
+        outcome = run(scene, method, refine, scene.time.end, path, command, progress, rtol)
+        now = read_run(path)
+        if before is not None and outcome.ok:
+            changes.append(change(before, now, scene.output_times))
+        estimate = estimated(changes) if outcome.ok else math.nan
+        if not outcome.ok or estimate <= accuracy:
+            annotate(path, {"accuracy": accuracy, "error_estimate": estimate})
+            return Delivered(outcome, method, refine, rtol, estimate, tuple(changes))
+        before = now
+    annotate(path, {"accuracy": accuracy, "error_estimate": estimate})
+    raise UserError(
+        f"--accuracy: {accuracy:g} is out of reach; valid: {estimate:.1e} or more, as {path} holds"
+    )
+
+
+def change(coarse: Run, fine: Run, times: Sequence[float]) -> float:
+    """Largest change between two levels over the output times: relative for integrals, absolute at probes."""
+    largest = 0.0
+    for t in times:
+        one, other = (run.row_at(t) for run in (coarse, fine))
+        for name in ("area", "total_actin"):
+            largest = max(largest, abs(one[name] - other[name]) / other[name])
+        for name in ("probe_a", "probe_x"):
+            largest = max(largest, np.abs(one[name] - other[name]).max(initial=0.0))
+    return float(largest)
+
+
+def estimated(changes: Sequence[float]) -> float:
+    """Estimate the error of the last level from all changes so far, nan without any.
+
+    `SHARE` of the last change; all of it where changes do not fall, as before levels resolve a scene.
+    """
+    if not changes:
+        return math.nan
+    falls = len(changes) < 2 or changes[-1] <= SHARE * changes[-2]
+    return changes[-1] * (SHARE if falls else 1.0)

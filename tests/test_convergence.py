@@ -1,0 +1,353 @@
+"""Convergence studies: the rules for orders, the plan of levels, the file, the page and the command."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+
+from actin_xcheck import converge
+from actin_xcheck.compare import Job
+from actin_xcheck.convergence import examine as examination
+from actin_xcheck.convergence import studies as planning
+from actin_xcheck.convergence.orders import Verdict, local_orders, observe
+from actin_xcheck.convergence.quantities import Quantity, error_of
+from actin_xcheck.convergence.record import FILE_NAME, read_convergence, write_convergence
+from actin_xcheck.convergence.studies import Level, Refined, Truth, final, studies_of
+from actin_xcheck.errors import UserError
+from actin_xcheck.registry import METHODS
+from actin_xcheck.report import write_convergence_page
+from actin_xcheck.runs import run
+from actin_xcheck.scene import load_scene, parse_scene
+from actin_xcheck.store import read_run
+from tests.faults import FAULTS
+from tests.lab import FEM, FV, scene_of
+
+H = 2.0 ** -np.arange(1, 6)
+
+
+def quiet(label, done, total):
+    pass
+
+
+def in_process(jobs, report):
+    """What `compare.run_all` does, where a test's faults are seen."""
+    for job in jobs:
+        run(job.scene, job.method, job.refine, job.dt, job.path, job.command)
+
+
+# the rules
+
+
+def test_a_pure_power_passes_with_a_narrow_interval():
+    found = observe(H, 3 * H**2, 2)
+    assert found.verdict is Verdict.PASS
+    assert found.local == pytest.approx([2] * 4)
+    assert found.low == pytest.approx(found.slope) == found.high == pytest.approx(2)
+
+
+@pytest.mark.parametrize("declared", [1, 1.5, 2.5, 3])
+def test_another_order_than_the_declared_one_fails(declared):
+    assert observe(H, 3 * H**2, declared).verdict is Verdict.FAIL
+
+
+def test_a_functional_may_converge_faster_than_declared_but_not_more_slowly():
+    assert observe(H, 3 * H**4, 2, at_least=True).verdict is Verdict.PASS
+    assert observe(H, 3 * H**1.5, 2, at_least=True).verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    ("c", "verdict"),
+    [(0.3, Verdict.PASS), (-0.3, Verdict.PASS), (1e3, Verdict.FAIL), (15, Verdict.NOT_YET_ASYMPTOTIC)],
+)
+def test_a_higher_order_term_is_told_from_a_wrong_order(c, verdict):
+    """h^2 + c h^3: orders fall towards 2 from 3, half of the distance a level once h^2 leads."""
+    assert observe(H, H**2 * np.abs(1 + c * H), 2).verdict is verdict
+
+
+def test_half_an_order_above_the_leading_term_is_approached_too():
+    errors = H**2 * (1 - H**0.5)
+    assert observe(H, errors, 2).verdict is Verdict.NOT_YET_ASYMPTOTIC
+
+
+def test_orders_that_settle_elsewhere_fail_although_they_came_from_far():
+    errors = H**1.5 * (1 - 0.6 * H)
+    assert observe(H, errors, 2).verdict is Verdict.FAIL
+
+
+def test_a_stalling_method_fails():
+    assert observe(H, H**2 + 0.01, 2).verdict is Verdict.FAIL
+
+
+def test_a_floor_is_told_from_an_order():
+    found = observe(H, 1e-11 * H**4 + 1e-15, 4)
+    assert found.verdict is Verdict.IN_ROUND_OFF
+    assert np.isnan(found.local).all()
+    above = observe(H, 5e-7 * H**4 + 1e-13 * np.array([1, 1, 1, -1, 1]), 4)
+    assert above.verdict is Verdict.PASS  # four levels stand above 1e-12, and they show the order
+    found = observe(H, np.zeros(5), 2)
+    assert found.verdict is Verdict.IN_ROUND_OFF
+    assert np.isnan(found.slope)
+
+
+def test_noise_fails():
+    random = np.random.default_rng(3)
+    errors = 10.0 ** random.uniform(-3, -2, (200, 5))
+    passed = [observe(H, one, 2).verdict is Verdict.PASS for one in errors]
+    assert np.mean(passed) < 0.02
+
+
+def test_a_level_without_a_number_fails_and_is_left_out_of_the_fit():
+    errors = 3 * H**2
+    errors[0] = np.nan
+    found = observe(H, errors, 2)
+    assert found.verdict is Verdict.FAIL
+    assert "1 of 5" in found.reason
+    assert found.slope == pytest.approx(2)
+    assert observe(H, errors, None).verdict is Verdict.MEASURED
+
+
+def test_the_interval_is_that_of_the_students_t():
+    """Five errors with a known scatter, against the closed form."""
+    scatter = np.exp(np.array([0.02, -0.03, 0.01, 0.03, -0.03]))
+    found = observe(H, H**2 * scatter, 2)
+    x, y = np.log(H) - np.log(H).mean(), np.log(H**2 * scatter)
+    slope = x @ y / (x @ x)
+    residual = y - y.mean() - slope * x
+    half = 3.182446305 * np.sqrt(residual @ residual / 3 / (x @ x))
+    assert (found.slope, found.low, found.high) == pytest.approx((slope, slope - half, slope + half))
+
+
+@pytest.mark.parametrize(("steps", "errors"), [([1, 2, 3], [1, 1, 1]), ([2, 1], [1, 1]), ([3, 2, 1], [1, 1])])
+def test_levels_that_are_no_sequence_are_refused(steps, errors):
+    with pytest.raises(ValueError, match="must decrease"):
+        observe(steps, errors, 2)
+
+
+def test_local_orders_take_any_ratio():
+    assert local_orders([1, 0.5, 0.1], [1, 0.25, 0.01]) == pytest.approx([2, 2])
+
+
+# the plan
+
+
+def test_dt_follows_h_by_the_declared_orders(tmp_path):
+    for method in METHODS.values():
+        tied = next(s for s in studies_of("growing-disk", [method], tmp_path) if s.refined is Refined.H)
+        h, dt = np.array([tied.steps_of(level) for level in tied.levels]).T
+        assert len(h) >= (5 if method.order_h < 4 else 4)
+        assert np.diff(np.log2(h)) == pytest.approx(-np.ones(len(h) - 1))  # consecutive
+        ratio = (method.order_h or 2) / method.order_dt
+        assert local_orders(h, dt) == pytest.approx(ratio, abs=0.2)
+
+
+def test_what_is_measured_follows_what_a_scene_expects(tmp_path):
+    def truths(name, method=FEM):
+        return {(s.refined, s.quantity): s.truth for s in studies_of(name, [METHODS[method]], tmp_path)}
+
+    a, h, dt = Quantity.CONCENTRATION, Refined.H, Refined.DT
+    assert truths("growing-disk") == {(h, a): Truth.EXACT, (dt, a): Truth.RICHARDSON}
+    assert truths("growing-disk", "fv-tpfa") == {(h, a): Truth.EXACT}
+    assert truths("fig14-four-fronts", "fv-tpfa") == {}
+    assert truths("mode-0-cell")[h, Quantity.GROWTH_RATE] is Truth.MODE
+    assert truths("fig14-four-fronts")[h, Quantity.PROBES] is Truth.REFERENCE
+    assert truths("smooth-fronts")[h, Quantity.AREA] is Truth.RICHARDSON
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("growing-disk", ""),
+        ("smooth-fronts", ""),
+        ("mode-0-cell", ""),
+        ("mode-1-full-cell", "trace"),
+        ("fig14-four-fronts", "trace"),
+        ("fig17-uniform-contraction", "at t = 0"),  # viscous, but d(cos x)/dn does not vanish
+    ],
+)
+def test_orders_are_claimed_of_smooth_compatible_data_only(name, reason, tmp_path):
+    study = studies_of(name, [METHODS[FEM]], tmp_path)[0]
+    assert reason in study.no_claim
+    assert bool(study.no_claim) == bool(reason)
+
+
+def test_a_scene_is_run_without_intermediate_outputs(tmp_path):
+    scene = final(load_scene("fig16-uniform-expansion"), tmp_path)
+    assert scene.output_times == (0.518,)
+    assert [at.time for at in scene.expect.reference.at] == [0.518]
+    assert scene.origin == str(tmp_path / "scenes" / "fig16-uniform-expansion.toml")
+    assert scene.parameters.l0 == 0.8  # f jumps there
+    assert final(load_scene("mode-0-cell"), tmp_path).parameters.l0 == 0.5
+
+
+def test_a_scene_ends_with_its_last_reference(tmp_path):
+    text = load_scene("fig16-uniform-expansion").text
+    longer = text.replace("end = 0.518", "end = 0.6")
+    assert final(parse_scene(longer, "long.toml"), tmp_path).output_times == (0.518,)
+
+
+# the machinery
+
+
+COARSE = (Level(2, 4), Level(3, 16), Level(4, 64))
+IN_TIME = tuple(Level(2, steps) for steps in (10, 20, 40, 80))
+
+
+def coarse_studies(name, methods, folder):
+    levels = {Refined.H: COARSE, Refined.DT: IN_TIME}
+    studies = studies_of(name, [METHODS[method] for method in methods], folder)
+    return [replace(study, levels=levels[study.refined]) for study in studies]
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A report on three coarse levels by both codes, run by the workers."""
+    folder = tmp_path_factory.mktemp("converge")
+    studies = coarse_studies("growing-disk", (FEM, FV), folder)
+    return folder, examination.examine(studies, folder, "a command", quiet)
+
+
+def test_both_codes_show_their_orders_on_coarse_levels(report):
+    _, results = report
+    assert len(results) == 4
+    assert [result.observed.verdict for result in results] == [Verdict.PASS] * 4
+
+
+def test_the_file_gives_back_what_was_found(report):
+    folder, results = report
+    stored = read_convergence(folder / FILE_NAME)
+    assert stored.attributes["command"] == "a command"
+    for result, read in zip(results, stored.results, strict=True):
+        assert (read.key, read.observed, read.runs) == (result.key, result.observed, result.runs)
+        assert (read.claimed, read.declared, read.endings) == (True, result.declared, result.endings)
+        assert np.array_equal(read.errors, result.errors)
+        assert (folder / read.runs[0]).exists()
+
+
+def test_the_page_holds_every_study_and_is_made_of_the_file_alone(report, tmp_path):
+    folder, results = report
+    write_convergence(tmp_path / FILE_NAME, results, "a command")
+    page = write_convergence_page(tmp_path).read_text(encoding="utf-8")
+    assert page == write_convergence_page(folder).read_text(encoding="utf-8").replace(
+        read_convergence(folder / FILE_NAME).attributes["date"],
+        read_convergence(tmp_path / FILE_NAME).attributes["date"],
+    )
+    assert "4 of 4" in page
+    for result in results:
+        assert f"/studies/{result.key}" in page
+        assert result.command in page
+        assert f"{result.errors[-1]:.3g}" in page
+        assert f"{result.observed.slope:.2f} [{result.observed.low:.2f}" in page
+    assert page.count("<svg") == 2  # in h and in dt, both codes together
+    assert "order 2" in page
+
+
+@pytest.mark.parametrize("method", [FEM, FV])
+@pytest.mark.parametrize("fault", ["freeze the mesh", "drop the dilution"])
+def test_a_fault_turns_an_order_claim_red(fault, method, tmp_path, monkeypatch):
+    FAULTS[fault](monkeypatch)
+    monkeypatch.setattr(examination, "run_all", in_process)
+    studies = coarse_studies("growing-disk", (method,), tmp_path)
+    in_space = [study for study in studies if study.refined is Refined.H]
+    (result,) = examination.examine(in_space, tmp_path, "", quiet)
+    assert result.observed.verdict is Verdict.FAIL
+
+
+def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
+    """psi = 7.8e3 breaks down under every one of these steps."""
+    text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
+    path = tmp_path / "breaks.toml"
+    path.write_text(text, encoding="utf-8")
+    levels = tuple(Level(refine, 40) for refine in (1, 2, 3, 4))
+    studies = studies_of(path, [METHODS[FEM]], tmp_path)
+    study = replace(studies[0], levels=levels)
+    (result,) = examination.examine([study], tmp_path, "", quiet)
+    assert np.isnan(result.errors).any()
+    assert any(result.endings)
+    page = write_convergence_page(tmp_path).read_text(encoding="utf-8")
+    assert "✕" in page
+    assert next(ending for ending in result.endings if ending).split(":")[0] in page
+
+
+def test_nothing_is_run_twice_by_the_same_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(examination, "provenance", lambda: VERSIONS)
+    monkeypatch.setattr("actin_xcheck.runs.provenance", lambda: VERSIONS)
+    done: list[Job] = []
+
+    def counted(jobs, report):
+        done.extend(jobs)
+        in_process(jobs, report)
+
+    monkeypatch.setattr(examination, "run_all", counted)
+    studies = coarse_studies("static-decay", (FEM,), tmp_path)
+    examination.examine(studies, tmp_path, "", quiet)
+    assert len(done) == len(COARSE) + len(IN_TIME)
+    done[0].path.unlink()
+    examination.examine(studies, tmp_path, "", quiet)
+    assert len(done) == len(COARSE) + len(IN_TIME) + 1
+
+
+VERSIONS = {"python": "3", "commit": "0123"}
+
+
+def test_curved_elements_are_measured_where_a_file_knows_them(tmp_path):
+    """Between corners only the straight interpolant is stored, which is second order."""
+    scene = load_scene("manufactured-moving")
+    errors = []
+    for refine, steps in ((2, 8), (3, 16)):
+        path = tmp_path / f"{refine}.vtkhdf"
+        run(scene, METHODS["fem-p2-imex3"], refine, scene.time.end / steps, path)
+        errors.append(error_of(scene, read_run(path), Quantity.CONCENTRATION))
+    assert local_orders([2, 1], errors)[0] > 2.7
+
+
+def test_a_growth_rate_that_cannot_be_fitted_is_no_number(tmp_path):
+    scene = load_scene("mode-0-cell")
+    run(scene, METHODS[FEM], 1, scene.time.end, tmp_path / "one.vtkhdf")  # one step
+    assert np.isnan(error_of(scene, read_run(tmp_path / "one.vtkhdf"), Quantity.GROWTH_RATE))
+
+
+# the command
+
+
+def test_the_command_exits_by_its_verdicts(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(planning, "REFINES", (1, 2, 3, 4))
+    monkeypatch.setattr(planning, "FIXED_STEPS", (10, 20, 40, 80))
+    monkeypatch.setattr(examination, "run_all", in_process)
+    with pytest.raises(typer.Exit) as ended:
+        converge.converge_command(["growing-disk"], [FEM], tmp_path / "good", True)
+    assert ended.value.exit_code == 0
+    assert "index.html" in capsys.readouterr().out
+    FAULTS["drop the dilution"](monkeypatch)
+    with pytest.raises(typer.Exit) as ended:
+        converge.converge_command(["growing-disk"], [FEM], tmp_path / "bad", True)
+    assert ended.value.exit_code == 1
+    assert "FAIL growing-disk [fem-p1-paper]: concentration" in capsys.readouterr().out
+
+
+def test_mistakes_are_one_line(tmp_path):
+    folder = tmp_path / "none"
+    copy = tmp_path / "copy.toml"
+    copy.write_text(load_scene("static-decay").text, encoding="utf-8")
+    for scenes, methods, message in (
+        (["no-such-scene"], None, "unknown scene"),
+        (["static-decay"], ["fem"], "not a method"),
+        (["static-decay", str(copy)], [FEM], "more than one scene"),
+    ):
+        with pytest.raises(UserError, match=message):
+            converge.converge_command(scenes, methods, folder, True)
+        assert not folder.exists()
+    with pytest.raises(UserError, match="stall"):
+        converge.converge_command(["smooth-fronts"], ["fv-tpfa"], folder, True)
+
+
+def test_a_scene_that_expects_nothing_is_its_own_reference(tmp_path, monkeypatch):
+    monkeypatch.setattr(examination, "run_all", in_process)
+    path = tmp_path / "own.toml"
+    path.write_text(scene_of("psi = 50.0\np = 0.0", a="1 + 0.1*J(0, 3.8317059702075125*r)").text, "utf-8")
+    studies = [replace(s, levels=(Level(1, 1), *COARSE)) for s in studies_of(path, [METHODS[FEM]], tmp_path)]
+    in_space = [study for study in studies if study.refined is Refined.H]
+    results = examination.examine(in_space, tmp_path, "", quiet)
+    assert [len(result.errors) for result in results] == [3, 3]  # one fewer than runs
+    assert all(result.claimed and np.isfinite(result.errors).all() for result in results)
+    assert all(len(result.runs) == 4 for result in results)
