@@ -58,7 +58,7 @@ class Delivered:
 def deliver(
     scene: Scene, accuracy: float, path: Path, command: str, progress: Progress = lambda done, total: None
 ) -> Delivered:
-    """Run a scene on finer and finer levels until its estimated error is at most `accuracy`; the last is kept.
+    """Run a scene on finer and finer levels until its estimated error is at most `accuracy`; keep the last.
 
     Parameters
     ----------

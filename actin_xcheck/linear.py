@@ -16,8 +16,11 @@ from actin_xcheck.result import COMPLETED, Ending, Outcome
 
 Indices = NDArray[np.int64]
 
-TOLERANCE = 1e-12
-"""Largest relative residual |Ax - b| / |b| that is not a failure."""
+TOLERANCE = 1e-10
+"""Largest relative residual |Ax - b| / |b| that is not a failure.
+
+Round-off alone leaves eps |A| |x| / |b|, which grows like h^-2: 5e-13 for 33025 P1 nodes, 1e-11 for as many P4.
+"""
 
 
 def solve(matrix: sp.spmatrix, rhs: Array) -> tuple[Array, Outcome]:
