@@ -5,8 +5,8 @@ nodes move explicitly, x' = v(x, a), and what the cells hold, P = V a, follows i
 P' = d L(x) a + k (V - P) + V s, by the L-stable two-stage SDIRK method.  Both halves end at their last stage,
 so that the step's result is a solution of a stage, and a stage is conservative like backward Euler.
 
-    P2 = P + gamma dt P'2             x2 = x + gamma dt v1
-    P3 = P + dt ((1 - gamma) P'2 + gamma P'3)      x3 = x + dt (delta v1 + (1 - delta) v2)
+    x2 = x + gamma dt v1                          P2 = P + gamma dt P'2
+    x3 = x + dt (delta v1 + (1 - delta) v2)       P3 = P + dt ((1 - gamma) P'2 + gamma P'3)
 """
 
 from dataclasses import dataclass, replace
@@ -30,10 +30,9 @@ DELTA = 1 - 1 / (2 * GAMMA)
 """First weight of the explicit half; (1 - delta) gamma = 1/2 is second order."""
 
 EMBEDDED = GAMMA**2
-"""Weight that a first-order solution, to compare with, takes from the last implicit stage for the first.
+"""Weight that the first-order solution of the error estimate moves from the last implicit stage to the first.
 
-Its stability function tends to -(1 - gamma) where z -> -infinity, so that the estimate calls no stiff decay
-an error that would be larger than what decays.
+Of a stiff decay the estimate is 1 - gamma times what decays, and the first-order solution is damped like it.
 """
 
 
@@ -65,7 +64,7 @@ class _Solution:
     state : its concentration, on its configuration.
     change : dt P', (n_cells,).
     supply : the sum of P' over the cells, by its sources: k (|Omega| - m) and the integral of s.
-    inverse : of FiPy's matrix there, or near there.
+    inverse : of FiPy's matrix at the first stage, which preconditions the second one too.
     """
 
     state: FvState
@@ -125,7 +124,7 @@ class FvSecondOrder(FvDiamond):
         coefficients, from_vertices = over_relaxed_split(self.faces, here.x)
         matrix, rhs = self.equation.stage(dt, carried, volumes, coefficients, source)
         operator = krylov.Operator(matrix, from_vertices, to_vertices, model.parameters.d)
-        inverse = inverse or krylov.factorise(matrix)  # the stage before is close by
+        inverse = inverse or krylov.factorise(matrix)  # the first stage is close enough
         a, outcome = krylov.solve(operator, rhs, carried / volumes, inverse)
         corners = reconstruct(triangles, a, to_vertices @ a)
         supply = float(volumes @ (source + rate - rate * corners.mean(axis=0)))

@@ -33,12 +33,8 @@ def relative(one, other):
 def slopes_in_dt(scene, end, steps, refine=3, quantities="a"):
     """Local orders of each quantity on one mesh by successive differences: the spatial error drops out."""
     states = [play(scene, METHOD, refine, end / n, [end]).last for n in steps]
-    return np.array(
-        [
-            local_orders([relative(getattr(s, q), getattr(t, q)) for s, t in pairwise(states)])
-            for q in quantities
-        ]
-    )
+    paths = [[getattr(state, quantity) for state in states] for quantity in quantities]
+    return np.array([local_orders([relative(*pair) for pair in pairwise(path)]) for path in paths])
 
 
 MOVING = pytest.mark.parametrize("name", ["static-decay", "growing-disk", "stirred"])
@@ -74,11 +70,11 @@ def test_a_wrong_weight_costs_the_order(monkeypatch):
     """Consistent weights that miss one condition of second order: of the motion, then of transport."""
     right = second_order.GAMMA
     monkeypatch.setattr(second_order, "STAGES", stages_of(right, (0.5, 0.5)))
-    wrong = slopes_in_dt(SMOOTH, 0.1, (8, 16, 32, 64), quantities="ax")
+    wrong = slopes_in_dt(SMOOTH, 0.1, (8, 16, 32), quantities="ax")
     assert wrong[:, -1].max() < 1.3, wrong
     monkeypatch.setattr(second_order, "GAMMA", 0.35)
     monkeypatch.setattr(second_order, "STAGES", stages_of(0.35, (1 - 1 / 0.7, 1 / 0.7)))
-    wrong = slopes_in_dt(load_scene("stirred"), END, (8, 16, 32, 64))
+    wrong = slopes_in_dt(load_scene("stirred"), END, (8, 16, 32))
     assert wrong[0, -1] < 1.3, wrong
 
 
@@ -91,8 +87,9 @@ def test_second_order_in_h_and_dt_together(name):
 @pytest.mark.slow
 @MOVING
 def test_second_order_in_h_and_dt_together_on_fine_meshes(name):
-    errors = [exact_error(name, METHOD, refine, END / 2**refine) for refine in (4, 5, 6)]
-    assert local_orders(errors) == pytest.approx([2, 2], abs=0.1), errors
+    """Over two refinements: the ring is not on the same fraction of the layers at each of them."""
+    errors = [exact_error(name, METHOD, refine, END / 2**refine) for refine in (4, 6)]
+    assert local_orders(errors, 4) == pytest.approx([2], abs=0.15), errors
 
 
 def test_second_order_in_h_on_a_stretched_and_sheared_mesh():
@@ -205,6 +202,21 @@ def test_a_step_is_ars_222_written_out_in_plain_matrices():
     assert new.local_error == pytest.approx(max(moved, estimate), rel=1e-8)
 
 
+@pytest.mark.parametrize("z", [-1e-3, -1.0, -30.0, -1e9])
+def test_stiff_decay_is_damped_and_not_taken_for_a_large_error(z):
+    """P' = lambda P with z = lambda dt: L-stable, and the estimate stays below what there is to lose."""
+    gamma, changes = second_order.GAMMA, []
+    for stage in second_order.STAGES:
+        carried = 1 + second_order._blend(stage.implicit, changes)
+        changes.append(z * carried / (1 - gamma * z))
+    end = carried + gamma * changes[-1]
+    estimate = second_order.EMBEDDED * (changes[1] - changes[0])
+    assert abs(end) < 1
+    assert abs(end - np.exp(z)) < min(abs(z) ** 3, 0.25)
+    assert abs(end - estimate) < 1
+    assert abs(estimate) <= min(1 - gamma, z**2) * (1 + 1e-6)
+
+
 def adaptive(scene, rtol, refine=3):
     """A run with chosen steps, and how many were tried."""
     solver, tried = bind(scene, METHODS[METHOD], refine, 0.05), 0
@@ -222,7 +234,10 @@ def adaptive(scene, rtol, refine=3):
     return film, tried
 
 
-@pytest.mark.parametrize("scene", [SMOOTH, load_scene("fig14-four-fronts")], ids=["smooth", "fig14"])
+SCENES = [SMOOTH, pytest.param(load_scene("fig14-four-fronts"), marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=["smooth", "fig14"])
 def test_the_error_falls_with_the_tolerance(scene):
     fine = play(scene, METHOD, 3, scene.time.end / 250, [scene.time.end]).last
     errors = []
@@ -303,7 +318,7 @@ def test_the_iteration_finds_what_a_direct_solver_finds(dt, monkeypatch):
     a, outcome = krylov.solve(operator, rhs, guess, inverse)
     assert outcome.ok
     assert np.abs(a - expected).max() < 1e-10
-    assert np.linalg.norm(rhs - operator(a)) < linear.TOLERANCE * np.linalg.norm(rhs)
+    assert np.linalg.norm(rhs - operator(a)) < krylov.ACCEPTED * np.linalg.norm(rhs)
     assert abs((rhs - operator(a)).sum()) < 1e-14 * np.abs(rhs).sum()
 
 

@@ -49,7 +49,7 @@ _WORDS = {
     Quantity.TOTAL_ACTIN: "total actin (relative)",
     Quantity.PROBES: "concentration at the probes (largest)",
     Quantity.GROWTH_RATE: "growth rate (relative)",
-    Quantity.AMPLITUDE: "amplitude of the mode (relative)",
+    Quantity.AMPLITUDE: "logarithm of the mode's amplitude",
 }
 
 
@@ -78,6 +78,8 @@ def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> 
     match quantity:
         case Quantity.CONCENTRATION:
             return cell_difference(fine, coarse)
+        case Quantity.AMPLITUDE:  # the change of rate times the time that has passed
+            return float(abs(np.log(np.abs(coarse.series[quantity][-1] / fine.series[quantity][-1]))))
         case _:
             one, other = (np.asarray(run.series[quantity][-1]) for run in (coarse, fine))
             scale = np.abs(other) if quantity.is_functional else 1.0
