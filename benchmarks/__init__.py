@@ -1,0 +1,1 @@
+"""What is measured against: not part of the package, run by hand."""

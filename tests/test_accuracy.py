@@ -1,0 +1,83 @@
+"""Accuracy on demand: what is delivered is as good as asked, and the estimate never flatters."""
+
+import math
+
+import numpy as np
+import pytest
+
+from actin_xcheck.accuracy import SHARE, deliver, estimated
+from actin_xcheck.cli import main
+from actin_xcheck.scene import load_scene
+from actin_xcheck.store import read_run
+from actin_xcheck.verdicts import reference_errors
+from tests.lab import scene_of
+
+REFERENCED = (
+    "fig12-mixed-31-02-21",
+    "fig14-four-fronts",
+    "fig16-uniform-expansion",
+    "fig17-uniform-contraction",
+)
+    "fig12-mixed-31-02-21",
+    "fig14-four-fronts",
+    "fig16-uniform-expansion",
+    "fig17-uniform-contraction",
+)
+
+
+def test_an_estimate_needs_changes_that_fall():
+    assert math.isnan(estimated([]))
+    assert estimated([1e-3]) == SHARE * 1e-3
+    assert estimated([1e-3, 1e-4]) == SHARE * 1e-4
+    assert estimated([1e-3, 0.9e-3]) == 0.9e-3
+
+
+@pytest.mark.parametrize("name", REFERENCED)
+@pytest.mark.parametrize(
+    "accuracy", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow), pytest.param(1e-5, marks=pytest.mark.slow)]
+)
+def test_reference_scenes_are_delivered_as_accurate_as_asked(name, accuracy, tmp_path):
+    scene = load_scene(name)
+    reached = deliver(scene, accuracy, tmp_path / "run.vtkhdf", "")
+    run = read_run(tmp_path / "run.vtkhdf")
+    error = max(reference_errors(scene, run).values())
+    assert error <= reached.estimate <= accuracy
+    assert reached.estimate < 30 * error
+    assert run.attributes["error_estimate"] == reached.estimate
+
+
+def test_an_exact_solution_is_delivered(tmp_path):
+    """Pure growth of the disk: a = 1 + (a0 - 1) e^-t-like dilution has a closed form in the scene."""
+    scene = load_scene("growing-disk")
+    reached = deliver(scene, 1e-4, tmp_path / "run.vtkhdf", "")
+    run = read_run(tmp_path / "run.vtkhdf")
+    exact = scene.expect.exact.a(x=0.0, y=0.0, r=0.0, theta=0.0, x0=0.0, y0=0.0, t=scene.time.end)
+    assert np.abs(run.a_points[-1][np.argmin(np.hypot(*run.xi))] / exact - 1) < 1e-4
+    assert reached.estimate <= 1e-4
+
+
+def test_a_breakdown_is_delivered_as_such(tmp_path):
+    scene = scene_of("psi = 7.8e3\np = 0.026", a="1 + 1e-3*cos(x)", end=0.05)
+    reached = deliver(scene, 1e-3, tmp_path / "run.vtkhdf", "")
+    assert reached.outcome.ending == "singular_dilation"
+    assert math.isnan(reached.estimate)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--method", "fem", "--accuracy", "2"], "between 0 and 1"),
+        (["--method", "fv-coupled", "--accuracy", "1e-3"], "--method fem"),
+        (["--method", "fem", "--accuracy", "1e-3", "--dt", "0.1"], "chooses --dt itself"),
+        (["--method", "fem-p1-paper", "--rtol", "1e-3"], "takes equal steps"),
+    ],
+)
+def test_mistakes_are_one_line(words, said, tmp_path, monkeypatch, capsys):
+    out = ["--out", str(tmp_path / "a.vtkhdf")]
+    monkeypatch.setattr("sys.argv", ["actin_xcheck", "run", "static-decay", *words, *out])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
