@@ -21,12 +21,12 @@ from actin_xcheck.store import Run, annotate, read_run
 from actin_xcheck.watch import Progress
 
 LEVELS = (
-    (METHODS["fem-p2-imex3"], 2, 1e-3),
-    (METHODS["fem-p3-imex4"], 2, 1e-4),
-    (METHODS["fem-p4-imex4"], 2, 1e-5),
-    (METHODS["fem-p4-imex4"], 3, 1e-6),
-    (METHODS["fem-p4-imex4"], 4, 1e-7),
-    (METHODS["fem-p4-imex4"], 5, 1e-8),
+    (METHODS["fem-p2-imex3"], 2, 3e-4),
+    (METHODS["fem-p3-imex4"], 2, 3e-5),
+    (METHODS["fem-p4-imex4"], 2, 3e-6),
+    (METHODS["fem-p4-imex4"], 3, 3e-7),
+    (METHODS["fem-p4-imex4"], 4, 3e-8),
+    (METHODS["fem-p4-imex4"], 5, 3e-9),
 )
 """Method, mesh refinement and tolerance; errors fall five- to twentyfold from one level to the next."""
 

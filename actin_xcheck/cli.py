@@ -16,12 +16,19 @@ from actin_xcheck import predict
 from actin_xcheck.accuracy import deliver
 from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
 from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
+from actin_xcheck.converge import converge_command
+from actin_xcheck.convergence.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import CAVEATS
 from actin_xcheck.paper import paper_command
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
-from actin_xcheck.report import write_audit_page, write_report, write_theory_page
+from actin_xcheck.report import (
+    write_audit_page,
+    write_convergence_page,
+    write_report,
+    write_theory_page,
+)
 from actin_xcheck.runs import numerics, run
 from actin_xcheck.scene import Scene, load_scene, scene_text, shipped_scenes
 
@@ -36,6 +43,7 @@ scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped sce
 app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
 app.command("paper")(paper_command)
+app.command("converge")(converge_command)
 
 Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
@@ -208,8 +216,12 @@ def scenes_show(name: str) -> None:
 
 @app.command("report")
 def report_command(folder: Path) -> None:
-    """Write the HTML report of a comparison, an audit or predictions again, from its files alone."""
-    pages = {AUDIT_FILE: write_audit_page, PREDICTIONS_FILE: write_theory_page}
+    """Write the HTML report of a comparison, an audit, a study or predictions again, from its files alone."""
+    pages = {
+        AUDIT_FILE: write_audit_page,
+        CONVERGENCE_FILE: write_convergence_page,
+        PREDICTIONS_FILE: write_theory_page,
+    }
     write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
     print(f"report: {write(folder)}")
 

@@ -109,7 +109,8 @@ def run_all(jobs: Sequence[Job], report: Report) -> None:
 
 def is_done(job: Job, versions: dict[str, str]) -> bool:
     """Whether a whole file of the same scene, resolution and code lies where the job would write."""
-    if not job.path.exists() or versions["commit"].endswith("-dirty"):
+    commit = versions["commit"]
+    if not job.path.exists() or commit.endswith("-dirty") or commit == "unknown":  # which code was it?
         return False
     try:
         stated = store.read_run(job.path).attributes

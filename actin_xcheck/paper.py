@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from actin_xcheck.audit.examine import examine
+from actin_xcheck.audit.record import FILE_NAME
 from actin_xcheck.audit.row import Judgement
 from actin_xcheck.audit.rows import ROWS
 from actin_xcheck.errors import UserError
@@ -23,22 +24,31 @@ def paper_command(
         list[str] | None, typer.Option(help="One row, such as fig14 or eq3.7; may be given more than once.")
     ] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing audit.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Hold every equation, table, figure and number of the article against what is computed here.
 
-    Takes about a quarter of an hour on two cores; given an interrupted audit's folder, it goes on there.
+    Takes about a quarter of an hour on two cores; given an interrupted audit's folder, it goes on there if
+    the code is the same commit.  A row's key stands beside it on the page.
     """
     keys = list(dict.fromkeys(only)) if only else list(ROWS)
     for key in keys:
         if key not in ROWS:
             near = get_close_matches(key, ROWS, 3) or list(ROWS)[:5]
-            raise UserError(f"--only: no row is called {key!r}; valid are {', '.join(near)} and others")
+            some = ", ".join(near)
+            raise UserError(
+                f"--only: no row is called {key!r}; valid are {some} and others, {len(ROWS)} in all"
+            )
     folder = out_dir or Path("reports") / f"paper-{datetime.now():%Y%m%d-%H%M%S}"
+    if (folder / FILE_NAME).exists() and not force:
+        raise UserError(f"--out: {folder} holds an audit already; valid: another folder, or --force")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    for stale in (FILE_NAME, "index.html"):  # a page must never stand beside runs it is not made of
+        (folder / stale).unlink(missing_ok=True)
     with Progress(quiet) as progress:
         entries = examine(keys, folder, "python -m actin_xcheck " + shlex.join(sys.argv[1:]), progress.report)
     page = write_audit_page(folder)

@@ -1,11 +1,13 @@
 """What one step costs: FiPy as a plain script would use it, ours, and the finite elements.
 
-    python benchmarks/fv_step.py [STEPS]
+    python -m benchmarks.fv_step [STEPS]
 
 Fig. 14's cell at 1024, 4096 and 16384 triangles; processor time of one thread, medians of STEPS steps (9 if
 not given), the contenders taking turns.  A step of ours that loads the force balance is split: the mechanics
 is the finite elements', transport is the rest.
 """
+
+import actin_xcheck  # noqa: F401, I001 - pins BLAS to one thread, which must happen before numpy's import
 
 import sys
 import time

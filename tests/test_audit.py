@@ -11,7 +11,6 @@ import h5py
 import numpy as np
 import pytest
 
-from actin_xcheck.audit import examine as audit
 from actin_xcheck.audit.record import FILE_NAME, Entry, read_audit, write_audit
 from actin_xcheck.audit.row import Finding, Judgement
 from actin_xcheck.audit.rows import ROWS
@@ -25,7 +24,7 @@ from actin_xcheck.audit.simulations.readouts import (
 )
 from actin_xcheck.audit.simulations.studies import FEM, Evidence, Limit, Study, changed, plan
 from actin_xcheck.audit.simulations.translation import UnprojectedKrylov
-from actin_xcheck.compare import run_all
+from actin_xcheck.compare import is_done, run_all
 from actin_xcheck.exhibits import Sheet
 from actin_xcheck.geometry import disk
 from actin_xcheck.model import Closure, Model, Rheology
@@ -151,9 +150,9 @@ def test_an_audit_resumes_with_the_runs_of_the_same_code_only(cell):
     for path, commit in (job.path, "abc"), (other.path, "abc-dirty"):
         with h5py.File(path, "r+") as file:
             file["run"].attrs["versions"] = json.dumps(versions | {"commit": commit})
-    assert audit._is_done(job, versions)
-    assert not audit._is_done(job, versions | {"numpy": "2.1"})
-    assert not audit._is_done(other, versions | {"commit": "abc-dirty"})
+    assert is_done(job, versions)
+    assert not is_done(job, versions | {"numpy": "2.1"})
+    assert not is_done(other, versions | {"commit": "abc-dirty"})
 
 
 def test_the_file_keeps_every_entry_and_the_page_shows_it(tmp_path):

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 import typer
@@ -15,8 +16,11 @@ from actin_xcheck.convergence.quantities import Quantity, error_of
 from actin_xcheck.convergence.record import FILE_NAME, read_convergence, write_convergence
 from actin_xcheck.convergence.studies import Level, Refined, Truth, final, studies_of
 from actin_xcheck.errors import UserError
+from actin_xcheck.exhibit_file import read_exhibit, write_exhibit
+from actin_xcheck.exhibits import Line, Plot
 from actin_xcheck.registry import METHODS
 from actin_xcheck.report import write_convergence_page
+from actin_xcheck.report.exhibits import draw
 from actin_xcheck.runs import run
 from actin_xcheck.scene import load_scene, parse_scene
 from actin_xcheck.store import read_run
@@ -171,6 +175,15 @@ def test_orders_are_claimed_of_smooth_compatible_data_only(name, reason, tmp_pat
     assert bool(study.no_claim) == bool(reason)
 
 
+def test_high_orders_in_time_are_claimed_where_all_conditions_at_the_start_are_met(tmp_path):
+    def claimed(name):
+        return not studies_of(name, [METHODS["fem-p2-imex3"]], tmp_path)[0].no_claim
+
+    assert claimed("manufactured-moving")
+    assert claimed("mode-0-cell")
+    assert not claimed("smooth-fronts")
+
+
 def test_a_scene_is_run_without_intermediate_outputs(tmp_path):
     scene = final(load_scene("fig16-uniform-expansion"), tmp_path)
     assert scene.output_times == (0.518,)
@@ -240,6 +253,23 @@ def test_the_page_holds_every_study_and_is_made_of_the_file_alone(report, tmp_pa
         assert f"{result.observed.slope:.2f} [{result.observed.low:.2f}" in page
     assert page.count("<svg") == 2  # in h and in dt, both codes together
     assert "order 2" in page
+
+
+def test_a_logarithmic_plot_with_a_guide_comes_back_and_is_drawn(tmp_path):
+    lines = (
+        Line("errors", H, np.array([0.1, np.nan, 0.01, 0.0, 1e-3])),
+        Line("order 2", H, H**2, guide=True),
+    )
+    plot = Plot("key", "title", "note", "h", lines, (("✕", 0.25),), log=True)
+    with h5py.File(tmp_path / "plot.h5", "w") as file:
+        write_exhibit(file.create_group("plot"), plot)
+        read = read_exhibit(file["plot"])
+    assert read.log
+    assert [line.guide for line in read.lines] == [False, True]
+    drawn = draw(read, "/plot", "p")
+    assert [key.shape for key in drawn.legend] == ["line", "guide"]
+    assert ">0.05<" in drawn.svg  # a plain number: nothing typesets mathematics
+    assert "mathdefault" not in drawn.svg
 
 
 @pytest.mark.parametrize("method", [FEM, FV])

@@ -1,4 +1,6 @@
-"""All rows of the audit: what theory alone examines, then what simulations do."""
+"""All rows of the audit, in the order of the article."""
+
+import re
 
 from actin_xcheck.audit.row import Row
 from actin_xcheck.audit.simulations.figures import FIGURES_SIMULATED
@@ -6,7 +8,15 @@ from actin_xcheck.audit.simulations.sentences import SENTENCES_SIMULATED
 from actin_xcheck.audit.simulations.translation import TRANSLATION
 from actin_xcheck.audit.theory import THEORY
 
+
+def _place(row: Row) -> list[tuple[bool, int, str]]:
+    """Sorts keys as the article counts: (2.1b) before (3.3) before (A.1), Fig. 6 before Fig. 21."""
+    parts = re.findall(r"\d+|[^\d.-]+", row.key)
+    return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
+
+
 ROWS: dict[str, Row] = {
-    row.key: row for row in (*THEORY, *FIGURES_SIMULATED, TRANSLATION, *SENTENCES_SIMULATED)
+    row.key: row
+    for row in sorted((*THEORY, *FIGURES_SIMULATED, TRANSLATION, *SENTENCES_SIMULATED), key=_place)
 }
 """By key."""

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from actin_xcheck.exhibits import Exhibit, Line, Picture, Plot, Regions, Sheet, Shots
 from actin_xcheck.report.cells import OUTLINE, Brush, Canvas, ColourBar, Panel, colours, window
@@ -116,7 +117,8 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
 def _logarithmic(axes: Axes) -> None:
     """Two logarithmic axes; labels as plain numbers, since no mathematics is typeset."""
     axes.set(xscale="log", yscale="log")
-    for axis, digits in (axes.xaxis, "g"), (axes.yaxis, ".0e"):
+    for axis, digits, labelled in (axes.xaxis, "g", (1, 2, 5)), (axes.yaxis, ".0e", (1, 3)):
+        axis.set_major_locator(LogLocator(subs=labelled))
         axis.set_major_formatter("{x:" + digits + "}")
         axis.set_minor_formatter("")
 

@@ -6,7 +6,15 @@ import numpy as np
 
 from actin_xcheck.audit.row import Finding, Judgement
 from actin_xcheck.audit.simulations.figures import UNIFORM, W11, W21, W31, W41
-from actin_xcheck.audit.simulations.readouts import area_change, front_height, fronts, mode_share, unevenness
+from actin_xcheck.audit.simulations.readouts import (
+    area_change,
+    displacement_agreement,
+    front_height,
+    fronts,
+    mode_share,
+    polarity,
+    unevenness,
+)
 from actin_xcheck.audit.simulations.studies import Evidence
 from actin_xcheck.model import Delta
 from actin_xcheck.prediction import active_slope, k2_crit, threshold
@@ -128,6 +136,37 @@ def all_kinds(expanding: Evidence, contracting: Evidence, uneven: Evidence) -> F
         )
         + ".",
         numbers={"expansion": grown.value, "contraction": shrunk.value, "unevenness": rim.value},
+    )
+
+
+def displacements_follow_actin(either: bool, *evidence: Evidence) -> Finding:
+    """Correlation of a with |u| on several cells: all high, or (`either`) all of large size."""
+    found = {
+        f"{e.study.scene}, t = {t:g}": e.limit(displacement_agreement, t)
+        for e in evidence
+        for t in load_scene(e.study.scene).output_times[-2:]
+    }
+    sizes = [abs(limit.value) if either else limit.value for limit in found.values()]
+    together = all(size > 0.5 for size in sizes)
+    return Finding(
+        Judgement.IN_KIND if together else Judgement.NOT_REPRODUCED,
+        "Correlation of a with |u|: " + ", ".join(f"{name} {limit}" for name, limit in found.items()) + ".",
+        "Asked is " + ("more than 0.5 in size" if either else "more than 0.5") + " on each of these cells. "
+        "Where the cell contracts towards its middle the displacement is largest where actin is lowest.",
+        numbers={name: limit.value for name, limit in found.items()},
+    )
+
+
+def polarities(*evidence: Evidence) -> Finding:
+    """The index of polarity at the end of six simulations."""
+    ends = {e.study.scene: (load_scene(e.study.scene).time.end, e) for e in evidence}
+    found = {f"{name}, t = {t:g}": e.limit(polarity, t) for name, (t, e) in ends.items()}
+    return Finding(
+        Judgement.UNDECIDABLE,
+        ", ".join(f"{name}: {limit}" for name, limit in found.items()) + ".",
+        "The article prints curves without numbers; these are the values at the ends of the runs, to be held "
+        "against the pictures by eye.",
+        numbers={name: limit.value for name, limit in found.items()},
     )
 
 

@@ -57,6 +57,37 @@ def unevenness(run: Run, t: float) -> float:
     return float(np.abs(radius / radius.mean() - 1).max())
 
 
+def waywardness(run: Run, t: float) -> float:
+    """Largest deviation of the rim's radial motion from its mean motion, over that: small where uniform."""
+    moved = _rim_radius(run, frame_at(run, t)) - _rim_radius(run, 0)
+    return float(np.abs(moved - moved.mean()).max() / abs(moved.mean()))
+
+
+def curvature_agreement(run: Run, t: float) -> float:
+    """Correlation along the rim of the concentration with the rim's curvature, both up to harmonic 12."""
+    frame, rim = frame_at(run, t), _rim(run)
+    x, y = (_smooth(values) for values in run.points[frame][:, rim])
+    (x1, x2), (y1, y2) = ((_derivative(v), _derivative(_derivative(v))) for v in (x, y))
+    curvature = (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3
+    return float(np.corrcoef(_smooth(run.a_points[frame][rim]), curvature)[0, 1])
+
+
+def ripples_along_x(run: Run, t: float) -> float:
+    """Number of local maxima of the displacement along the ray theta = 0: 1 where it does not oscillate."""
+    on = np.flatnonzero((np.abs(run.xi[1]) < 1e-9) & (run.xi[0] > -1e-9))
+    on = on[np.argsort(run.xi[0, on])]
+    u = np.hypot(*(run.points[frame_at(run, t)] - run.xi))[on]
+    higher = np.diff(np.concatenate([[-1.0], u, [-1.0]]))
+    return float(((higher[:-1] > 0) & (higher[1:] <= 0)).sum())
+
+
+def hot_share(run: Run, t: float) -> float:
+    """Share of the cell's area where a is above the middle of its range."""
+    frame = frame_at(run, t)
+    a, areas = run.a_cells[frame], signed_areas(run.points[frame], run.triangles)
+    return float(areas[a > (a.min() + a.max()) / 2].sum() / areas.sum())
+
+
 def fronts(run: Run, t: float) -> float:
     """How many protrusions the rim has: the strongest harmonic m >= 1 of its distance from the centroid."""
     return float(1 + np.argmax(_harmonics(_rim_radius(run, frame_at(run, t)))))
@@ -182,6 +213,19 @@ def _rim_radius(run: Run, frame: int) -> Array:
     """Distance of the rim nodes from the centroid, counter-clockwise at equal angles of the start."""
     x = run.points[frame]
     return np.asarray(np.hypot(*(x[:, _rim(run)] - centroid(x, run.triangles)[:, None])))
+
+
+def _smooth(values: Array) -> Array:
+    """Values at equal angles without their harmonics above 12, which a triangulated rim does not have."""
+    waves = np.fft.rfft(values)
+    waves[13:] = 0
+    return np.asarray(np.fft.irfft(waves, len(values)))
+
+
+def _derivative(values: Array) -> Array:
+    """Derivative by the angle of smooth values at equal angles."""
+    waves = np.fft.rfft(values)
+    return np.asarray(np.fft.irfft(1j * np.arange(len(waves)) * waves, len(values)))
 
 
 def _harmonics(values: Array) -> Array:

@@ -31,6 +31,9 @@ Changes = tuple[tuple[str, Any], ...]
 
 FEM, FV = "fem-p1-paper", "fv-coupled"
 
+FLOOR = 0.1
+"""Least uncertainty of a limit, as a part of its distance from the value at the finest level."""
+
 
 @dataclass(frozen=True)
 class Study:
@@ -143,7 +146,8 @@ class Evidence:
     def limit(self, readout: Readout, t: float) -> Limit:
         """A readout at h = dt = 0: least squares in h^2, dt and further terms the levels can tell apart.
 
-        Its uncertainty is the largest change when any one level is left out.
+        Its uncertainty is the largest change when any one level is left out, and no less than `FLOOR` of what
+        was extrapolated: fits that agree by luck must not look certain.
         """
         values = {level: _read(run, readout, t) for level, run in self.runs.items()}
         known = {level: value for level, value in values.items() if math.isfinite(value)}
@@ -152,7 +156,8 @@ class Evidence:
             return Limit(known[finest] if finest else math.nan, math.nan)
         full = _extrapolated(known)
         others = [_extrapolated({k: v for k, v in known.items() if k != left_out}) for left_out in known]
-        return Limit(full, max(abs(other - full) for other in others))
+        least = FLOOR * abs(known[max(known, key=lambda level: (level[0], -level[1]))] - full)
+        return Limit(full, max(least, *(abs(other - full) for other in others)))
 
 
 def _read(run: Run, readout: Readout, t: float) -> float:

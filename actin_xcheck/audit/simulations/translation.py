@@ -7,13 +7,16 @@ natural conditions (2.1f), no gauge, and GMRES started from the last displacemen
 restarts, since no iteration can meet a tolerance that the inconsistent part of the load exceeds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse.linalg as spl
 
 from actin_xcheck.audit.row import Finding, Judgement, Row
+from actin_xcheck.audit.simulations.figures import VISIBLE
 from actin_xcheck.exhibits import Line, Plot, Sheet
 from actin_xcheck.geometry import Mesh, disk
 from actin_xcheck.model import Array, Closure, Model, Rheology
@@ -25,6 +28,7 @@ from actin_xcheck.solver import Mechanics, Move, State
 from actin_xcheck.stepping import integrate
 
 _SCENE = load_scene("fig06-mode-11")
+_SCENE_A = resolve(_SCENE).a0
 _REFINE = 3
 _DT = 4 * 1.0228e-2
 """Four of the article's steps: the motion sought is of order 1, and the mesh is coarse."""
@@ -123,6 +127,15 @@ def _course(model: Model, mechanics_of: Any, mesh: Mesh) -> _Course:
     return course
 
 
+def _drifts(model: Model, mesh: Mesh, restarts: Sequence[int], noise: float = 0.0) -> list[float]:
+    """Mean velocity along x that one solve of the singular system leaves, after each number of restarts."""
+    corners = _SCENE_A(mesh.xi)[mesh.triangles]
+    system = load(FORCE_BALANCE)(model, mesh).assemble(mesh.xi, corners, _DT)
+    disturbed = system.load * (1 + noise * np.random.default_rng(0).normal(size=system.load.size))
+    solve = partial(spl.gmres, system.matrix, disturbed, rtol=1e-8, restart=_BASIS)
+    return [float(solve(maxiter=n)[0][0::2].mean()) for n in restarts]
+
+
 def _suspects() -> Finding:
     mesh, own = disk(_REFINE, _SCENE.parameters.l0), _SCENE.physics
     viscous = replace(own, rheology=Rheology.VISCOUS)
@@ -141,15 +154,13 @@ def _suspects() -> Finding:
         "gauged, rim projected on its normal afterwards": _course(free, ProjectedAfterwards, mesh),
         "gauged, p = -0.26": _course(against, balance, mesh),
         "gauged, ψ = 72 (the dimensional value)": _course(dimensional, balance, mesh),
-        **{
-            f"no gauge, GMRES stopped after {n} × {_BASIS}": _course(free, krylov(n), mesh)
-            for n in (1, 4, 10, 33)
-        },
+        **{f"no gauge, GMRES stopped after {n} × {_BASIS}": _course(free, krylov(n), mesh) for n in (1, 4)},
     }
     shifts = {name: course.x[-1] for name, course in courses.items()}
     lawful = max(abs(shift) for name, shift in shifts.items() if "GMRES" not in name)
-    stray = {name: max(map(abs, course.x)) for name, course in courses.items() if "GMRES" in name}
-    found = max(stray.values()) > 0.05 > lawful
+    few, stray = (shifts[f"no gauge, GMRES stopped after {n} × {_BASIS}"] for n in (1, 4))
+    counts = (1, 2, 3, 4, 10)
+    plain, disturbed = (_drifts(free, mesh, counts, noise) for noise in (0.0, 1e-14))
     rows = [("what moves the nodes", "centroid's x at t = 3.365", "farthest |x| on the way", "area change")]
     rows += [
         (
@@ -161,17 +172,24 @@ def _suspects() -> Finding:
         for name, course in courses.items()
     ]
     lines = tuple(Line(name, np.array(c.t), np.array(c.x)) for name, c in courses.items())
+    one_solve = [("restarts", "mean v_x", "with the load disturbed by 1e-14")]
+    one_solve += [(str(n), f"{v:.4g}", f"{w:.4g}") for n, v, w in zip(counts, plain, disturbed, strict=True)]
+    changed = abs(disturbed[-1] / plain[-1] - 1)
+    translates = lawful > VISIBLE
     return Finding(
-        Judgement.IN_KIND if found else Judgement.NOT_REPRODUCED,
-        f"Every closure and sign keeps the centroid within {lawful:.4f} of where it was. GMRES on the "
-        "singular system without a gauge carries it as far as "
-        + ", ".join(f"{far:.3f} ({name.rsplit('after ')[1]} iterations)" for name, far in stray.items())
-        + ".",
-        "Each restart adds the same rigid motion, in proportion to the net load ∮ f n ds, because no "
-        "displacement resists it: the distance, and beyond some number of restarts its sign, are those of "
-        "the stopping rule. A translation like Fig. 10's comes out of the solver, not out of the model.",
+        Judgement.IN_KIND if translates else Judgement.NOT_REPRODUCED,
+        f"Every closure, sign and parameter tried keeps the centroid within {lawful:.4f} of where it was. "
+        f"GMRES on the singular system without a gauge carries it by {few:+.4f} (one cycle of {_BASIS}) or "
+        f"{stray:+.4f} (four). In one solve the mean v_x is "
+        + ", ".join(f"{v:.3g} ({n})" for n, v in zip(counts, plain, strict=True))
+        + f" by number of restarts; disturbing the load by 1e-14 changes the last by {changed:.0%}.",
+        "The equations do not translate this cell. The article's solver can: nothing resists a rigid motion, "
+        "and each of the first restarts adds about the same of it, towards high actin. Once the rest of the "
+        "residual has converged the iteration amplifies round-off, so that distance and direction of a drift "
+        "like Fig. 10's are those of the stopping rule, not of the model.",
         (
             Sheet("suspects", "Suspects", f"{mesh.xi.shape[1]} nodes, Δt = {_DT:g}, viscous", tuple(rows)),
+            Sheet("drift", "One unprojected solve", f"GMRES({_BASIS}), tolerance 1e-8", tuple(one_solve)),
             Plot("centroid", "Centroid's x", "", "t", lines),
         ),
         {f"centroid x, {name}": shift for name, shift in shifts.items()},
@@ -180,7 +198,8 @@ def _suspects() -> Finding:
 
 TRANSLATION = Row(
     "s5.3.1-translation",
-    "Fig. 10, Section 5.3.1",
-    "The cell moves preferentially in the direction of high actin concentration: it translates to +x.",
+    "Fig. 10, Sections 5.3.1 and B.5.1",
+    "The cell moves preferentially in the direction of high actin: it translates to +x; (B.23a) was solved "
+    "by GMRES.",
     _suspects,
 )

@@ -177,9 +177,9 @@ def _above_saturation() -> Finding:
 
 
 def _onset(model: Model, m: int) -> float:
-    """The psi from the article's 62.4 to 1000 beyond which a mode of angular number m grows, to 1e-6."""
+    """The psi from the article's 62.4 to 1000 beyond which a mode of angular number m grows, to 1e-9."""
     low, high = 62.4, 1000.0
-    while high - low > 1e-6 * high:
+    while high - low > 1e-9 * high:
         middle = (low + high) / 2
         if DiskModes(replace(model, parameters=replace(model.parameters, psi=middle)), m).count(0.0):
             high = middle

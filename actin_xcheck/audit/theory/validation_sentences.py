@@ -159,15 +159,14 @@ def _uniform_condition() -> Finding:
     k2 = W21.k**2
     high = {key[1:]: value for key, value in crit.items() if key[0] == 0.433}
     low = {key[1:]: value for key, value in crit.items() if key[0] == 0.026}
-    return found(
-        Judgement.NOT_REPRODUCED,
+    return Finding(
+        Judgement.UNDECIDABLE,
         f"(ψ, p) = (70.366, 0.433): k²_crit = {min(high.values()):.4f} to {max(high.values()):.4f} over δ and"
         f" versions, above k²2,1 = {k2:.4f}. (70.366, 0.026): {min(low.values()):.4f} to"
         f" {max(low.values()):.4f}.",
-        "At Fig. 16's parameters b isolates w2,1 too, by the printed (3.8) as well: the condition given for"
-        " uniform deformation is not met by this example of it. At p = 0.026 it is met as printed, by less"
-        " than 0.005 in k².",
-        holds=max(high.values()) < k2,
+        "The condition is called sufficient, and the article names no (ψ, p) at which it was tried. Fig. 16's"
+        " uniform expansion is no example of it: at its parameters b isolates w2,1 too, by the printed (3.8)"
+        " as well.",
         numbers={"k²_crit at 0.433": min(high.values()), "k²_crit at 0.026": max(low.values()), "k²2,1": k2},
     )
 
