@@ -18,11 +18,6 @@ REFERENCED = (
     "fig16-uniform-expansion",
     "fig17-uniform-contraction",
 )
-    "fig12-mixed-31-02-21",
-    "fig14-four-fronts",
-    "fig16-uniform-expansion",
-    "fig17-uniform-contraction",
-)
 
 
 def test_an_estimate_needs_changes_that_fall():

@@ -58,7 +58,7 @@ def test_order_in_dt_of_the_coupled_moving_cell(method):
     """Differences of successive levels on a fixed mesh, ring and all, from a state the equations have made.
 
     Started from data that miss n.grad a_t = 0, the steps of order 4 fall at 3 to 3.7 first.  Pointwise they
-    do so still: on a moving boundary a pair whose stages are of order 2 loses order where n.grad a = 0 is met.
+    do so still: on a moving rim a pair whose stages are of order 2 loses order where n.grad a = 0 is met.
     """
     order, solver = METHODS[method].order_dt, bind(MOVING, METHODS[method], 2, 1.0)
     made = after(solver, solver.init(), 0.02, 64)
