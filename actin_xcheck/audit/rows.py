@@ -3,7 +3,8 @@
 import re
 
 from actin_xcheck.audit.row import Row
-from actin_xcheck.audit.simulations.figures import FIGURES_SIMULATED
+from actin_xcheck.audit.simulations.figures import FIGURES_OF_CELLS
+from actin_xcheck.audit.simulations.figures_modes import FIGURES_OF_MODES
 from actin_xcheck.audit.simulations.sentences import SENTENCES_SIMULATED
 from actin_xcheck.audit.simulations.translation import TRANSLATION
 from actin_xcheck.audit.theory import THEORY
@@ -15,8 +16,7 @@ def _place(row: Row) -> list[tuple[bool, int, str]]:
     return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
 
-ROWS: dict[str, Row] = {
-    row.key: row
-    for row in sorted((*THEORY, *FIGURES_SIMULATED, TRANSLATION, *SENTENCES_SIMULATED), key=_place)
-}
+_ALL = (*THEORY, *FIGURES_OF_MODES, *FIGURES_OF_CELLS, TRANSLATION, *SENTENCES_SIMULATED)
+
+ROWS: dict[str, Row] = {row.key: row for row in sorted(_ALL, key=_place)}
 """By key."""

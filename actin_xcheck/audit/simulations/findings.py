@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from actin_xcheck.audit.row import Finding, Judgement
-from actin_xcheck.audit.simulations.figures import UNIFORM, W11, W21, W31, W41
+from actin_xcheck.audit.simulations.patterns import UNIFORM, W11, W21, W31, W41
 from actin_xcheck.audit.simulations.readouts import (
     area_change,
     displacement_agreement,

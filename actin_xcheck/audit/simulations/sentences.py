@@ -6,7 +6,6 @@ from functools import partial
 from actin_xcheck.audit.row import Row
 from actin_xcheck.audit.simulations import cases
 from actin_xcheck.audit.simulations.checks import Check, simulation
-from actin_xcheck.audit.simulations.figures import UNIFORM, VISIBLE, W11, WAYWARD
 from actin_xcheck.audit.simulations.findings import (
     FAILING,
     all_kinds,
@@ -19,6 +18,7 @@ from actin_xcheck.audit.simulations.findings import (
     realistic,
     tonicity_sets_the_transition,
 )
+from actin_xcheck.audit.simulations.patterns import UNIFORM, VISIBLE, W11, WAYWARD
 from actin_xcheck.audit.simulations.readouts import (
     area_change,
     curvature_agreement,

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse.linalg as spl
 
 from actin_xcheck.audit.row import Finding, Judgement, Row
-from actin_xcheck.audit.simulations.figures import VISIBLE
+from actin_xcheck.audit.simulations.patterns import VISIBLE
 from actin_xcheck.exhibits import Line, Plot, Sheet
 from actin_xcheck.geometry import Mesh, disk
 from actin_xcheck.model import Array, Closure, Model, Rheology
