@@ -4,10 +4,11 @@ import itertools
 import json
 import os
 import re
+import select
 import shutil
+import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -239,12 +240,13 @@ class Browser:
         command = [sys.executable, "-c", ON_3_AND_4, str(theirs_in), str(theirs_out), CHROMIUM]
         command += [f"--{flag}" for flag in (*flags.split(), f"user-data-dir={profile}")]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        self.process = subprocess.Popen(command, pass_fds=(theirs_in, theirs_out), **quiet)
+        # a session of its own, so that its helpers, which hold the pipe open, can be ended with it
+        self.process = subprocess.Popen(
+            command, pass_fds=(theirs_in, theirs_out), start_new_session=True, **quiet
+        )
         for end in (theirs_in, theirs_out):
             os.close(end)
-        self.out, self.into = os.fdopen(ours_out, "wb", 0), os.fdopen(ours_in, "rb")
-        self.alarm = threading.Timer(60, self.process.kill)  # then the pipe ends and `read` says so
-        self.alarm.start()
+        self.out, self.into, self.heard = os.fdopen(ours_out, "wb", 0), os.fdopen(ours_in, "rb", 0), b""
         self.numbers, self.events, self.session = itertools.count(1), [], {}
         target = self.ask("Target.createTarget", url="about:blank")["targetId"]
         self.session = {
@@ -257,19 +259,19 @@ class Browser:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.session = {}
-        self.ask("Browser.close")
+        os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
-        self.alarm.cancel()
         self.out.close()
         self.into.close()
 
     def read(self) -> dict[str, Any]:
-        message = bytearray()
-        while (byte := self.into.read(1)) != b"\0":
-            if not byte:
-                raise EOFError("Chromium ended")
-            message += byte
+        while b"\0" not in self.heard:
+            answering, _, _ = select.select([self.into], [], [], 60)
+            said = self.into.read(65536) if answering else b""
+            if not said:
+                raise EOFError("Chromium ended, or has said nothing for a minute")
+            self.heard += said
+        message, _, self.heard = self.heard.partition(b"\0")
         return json.loads(message)
 
     def ask(self, method: str, **params: Any) -> dict[str, Any]:
