@@ -30,8 +30,8 @@ LEVELS = (
 )
 """Method, mesh refinement and tolerance; errors fall five- to twentyfold from one level to the next."""
 
-SHARE = 0.5
-"""Of the last change, the part that may be left: twice what is found on rim and ring, where it is most."""
+SHARE = 0.6
+"""Of the last change, the part that may be left: more than is found on rim and ring, where it is most."""
 
 
 @dataclass(frozen=True)
