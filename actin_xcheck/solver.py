@@ -6,6 +6,7 @@ three corners of each triangle, of a piecewise linear (possibly discontinuous) f
 Cell means, total actin, probes and loads all follow from them, so both codes are measured with one ruler.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -138,14 +139,14 @@ class Solver(Protocol):
         ...
 
 
-class Polygonal:
+class Polygonal(ABC):
     """What a method measures whose cells are straight triangles and whose concentration is linear in each."""
 
     mesh: Mesh
 
+    @abstractmethod
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the concentration."""
-        raise NotImplementedError
 
     def measure(self, state: State) -> Measures:
         """Integrals over the polygon."""
