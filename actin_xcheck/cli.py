@@ -5,8 +5,9 @@ import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -16,21 +17,28 @@ from actin_xcheck import predict
 from actin_xcheck.accuracy import deliver
 from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
 from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
+from actin_xcheck.chart import chart_command
+from actin_xcheck.charting.record import FILE_NAME as CHART_FILE
 from actin_xcheck.converge import converge_command
 from actin_xcheck.convergence.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.errors import UserError
+from actin_xcheck.errors import LONGEST, UserError, brief
+from actin_xcheck.fidelity import Fidelity, Reduction, reduced
+from actin_xcheck.frontier.record import FILE_NAME as FRONTIER_FILE
 from actin_xcheck.model import CAVEATS
 from actin_xcheck.paper import paper_command
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
 from actin_xcheck.report import (
     write_audit_page,
+    write_chart_page,
     write_convergence_page,
+    write_frontier_page,
     write_report,
     write_theory_page,
 )
 from actin_xcheck.runs import numerics, run
 from actin_xcheck.scene import Scene, load_scene, scene_text, shipped_scenes
+from actin_xcheck.survey import frontier_command
 
 app = typer.Typer(
     add_completion=False,
@@ -44,6 +52,8 @@ app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
 app.command("paper")(paper_command)
 app.command("converge")(converge_command)
+app.command("chart")(chart_command)
+app.command("frontier")(frontier_command)
 
 Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
@@ -123,6 +133,9 @@ def run_command(
     accuracy: Annotated[
         float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
     ] = None,
+    fidelity: Annotated[
+        Fidelity, typer.Option(help="How much of the model is solved; auto: what the scene needs.")
+    ] = Fidelity.AUTO,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -143,10 +156,12 @@ def run_command(
     _make_folder(out_file.parent)
     _warn_of(loaded)
     if accuracy is not None:
-        _deliver(loaded, accuracy, out_file, quiet)
+        _deliver(loaded, accuracy, out_file, quiet, fidelity)
     chosen = find_method(method)
     refine, dt = numerics(loaded, refine, dt)
     job = comparison.Job(loaded, chosen, refine, dt, out_file, rtol)
+    reduction = reduced(loaded, chosen, fidelity, rtol)
+    _say(reduction)
     with Progress(quiet) as progress:
         outcome = run(
             loaded,
@@ -157,6 +172,7 @@ def run_command(
             _command(),
             lambda done, total: progress.report(job.label, done, total),
             rtol,
+            reduction,
         )
     print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
@@ -174,7 +190,13 @@ def _check_accuracy(
         raise UserError(f"--accuracy: chooses {', '.join(given)} itself; valid: without")
 
 
-def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool) -> None:
+def _say(reduction: Reduction) -> None:
+    """Say how much of the model is solved, and what is left out and why."""
+    for sentence in reduction.left_out:
+        print(f"{reduction.fidelity}: without {sentence}")
+
+
+def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity) -> None:
     """Run to an accuracy, say what was reached and leave with the exit code."""
     with Progress(quiet) as progress:
         reached = deliver(
@@ -183,7 +205,9 @@ def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool) -> None
             out_file,
             _command(),
             lambda done, total: progress.report(scene.name, done, total),
+            fidelity,
         )
+    _say(reached.reduction)
     if not reached.outcome.ok:
         print(f"{reached.outcome.ending}: {reached.outcome.message}")
         raise typer.Exit(1)
@@ -219,11 +243,20 @@ def report_command(folder: Path) -> None:
     """Write the HTML report of a comparison, an audit, a study or predictions again, from its files alone."""
     pages = {
         AUDIT_FILE: write_audit_page,
+        CHART_FILE: write_chart_page,
         CONVERGENCE_FILE: write_convergence_page,
+        FRONTIER_FILE: write_frontier_page,
         PREDICTIONS_FILE: write_theory_page,
     }
     write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
-    print(f"report: {write(folder)}")
+    try:
+        with np.errstate(all="ignore"):
+            page = write(folder)
+    except (UserError, OSError):
+        raise
+    except Exception as error:  # its files may hold anything
+        raise UserError(f"{folder}: cannot be drawn ({type(error).__name__}: {error})") from error
+    print(f"report: {page}")
 
 
 def _command() -> str:
@@ -240,10 +273,24 @@ def _make_folder(folder: Path) -> None:
 def main() -> None:
     """Entry point: turn a user's mistake into one line and exit code 2."""
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
     except UserError as error:
-        print(f"actin_xcheck: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
+        _refuse(str(error))
+    except OSError as error:  # a full disk, or a folder that cannot be written
+        _refuse(f"{error.filename or 'cannot write'}: {error.strerror or error}")
+    except (KeyboardInterrupt, typer.Abort):
         print("actin_xcheck: interrupted; what was finished is kept", file=sys.stderr)
         sys.exit(130)
+    except Exception as error:
+        if (message := getattr(error, "format_message", None)) is None:
+            raise
+        # Typer's own, of a class it does not export; without a command it is the help
+        if not sys.argv[1:] or type(error).__name__ == "NoArgsIsHelpError":
+            print(message(), file=sys.stderr)
+            sys.exit(2)
+        _refuse(f"{message()} (--help says what is valid)")
+
+
+def _refuse(mistake: str) -> NoReturn:
+    print(f"actin_xcheck: {brief(mistake, LONGEST)}", file=sys.stderr)
+    sys.exit(2)

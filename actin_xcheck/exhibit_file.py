@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from actin_xcheck.exhibits import Chapter, Exhibit
+from actin_xcheck.vtkhdf import whole
 
 _KINDS = {kind.__name__: kind for kind in get_args(Exhibit)}
 
@@ -112,7 +113,7 @@ def _get(group: h5py.Group, name: str, hint: Any) -> Any:
         return hint(group.attrs[name])
     stored = group[name]
     if get_origin(hint) is not tuple:
-        return stored[()]
+        return whole(group, name)
     if (item := get_args(hint)[0]) is str:
         return tuple(stored.asstr()[()])
     if get_origin(item) is not tuple:

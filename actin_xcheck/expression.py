@@ -12,10 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import jv
 from simpleeval import SimpleEval
 
+from actin_xcheck.errors import brief
+
 Array = NDArray[np.float64]
 
 MAX_LENGTH = 4000
 MAX_DEPTH = 100  # the evaluator spends a few Python frames a level, far below the recursion limit
+MAX_CALLS = 100  # functions and powers, J counting tenfold: up to 0.2 us each and 8 us a point
+MAX_ORDER = 100
 
 _CONSTANTS = {"pi": np.float64(np.pi)}
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
@@ -68,7 +72,8 @@ class Expression:
 
     Valid are numbers, `pi`, the given variables, + - * / **, parentheses and the functions sin, cos, tan,
     exp, log, sqrt, abs, sinh, cosh, tanh, arctan, arctan2(y, x), minimum, maximum, heaviside(z) (1/2 at
-    z = 0) and J(m, z), the Bessel function of the first kind J_m(z).
+    z = 0) and J(m, z), the Bessel function of the first kind J_m(z), m a whole number written out.  Length,
+    depth and the number of functions and powers are bounded, and with them time and memory a point.
 
     Attributes
     ----------
@@ -88,6 +93,11 @@ class Expression:
     def __post_init__(self) -> None:
         tree = _parse(self.text)
         _check(tree, self.variables)
+        if (calls := sum(map(_weight, ast.walk(tree)))) > MAX_CALLS:
+            raise ValueError(
+                f"the expression has {calls} functions and powers, each J counting tenfold; "
+                f"at most {MAX_CALLS} are valid"
+            )
         object.__setattr__(self, "_tree", tree)
 
     def __call__(self, **values: ArrayLike) -> Array:
@@ -120,6 +130,9 @@ def _parse(text: str) -> ast.expr:
     """Parse one formula of bounded length and depth."""
     if len(text) > MAX_LENGTH:
         raise ValueError(f"the expression has {len(text)} characters; at most {MAX_LENGTH} are valid")
+    if foreign := next((c for c in text if not c.isascii()), None):
+        # Python would read some of them as the ASCII letters they look like
+        raise ValueError(f"not an expression ({brief(foreign)}, U+{ord(foreign):04X}); valid are {_GRAMMAR}")
     too_deep = f"the expression is nested too deeply; at most {MAX_DEPTH} levels are valid"
     try:
         with warnings.catch_warnings():
@@ -128,7 +141,7 @@ def _parse(text: str) -> ast.expr:
     except (RecursionError, MemoryError):
         raise ValueError(too_deep) from None
     except SyntaxError as error:
-        raise ValueError(f"not an expression ({error.msg}); valid are {_GRAMMAR}") from None
+        raise ValueError(f"not an expression ({brief(error.msg)}); valid are {_GRAMMAR}") from None
     except ValueError:  # characters Python cannot even read
         raise ValueError(f"not an expression; valid are {_GRAMMAR}") from None
     if "#" in text:  # Python would drop the rest of the line without a word
@@ -151,7 +164,7 @@ def _check(node: ast.expr, variables: tuple[str, ...]) -> None:
             if name in _FUNCTIONS:
                 raise ValueError(f"function {name} lacks its argument; valid is {_signature(name)}")
             if name not in (known := (*variables, *_CONSTANTS)):
-                raise ValueError(f"unknown name {name}; valid names are {', '.join(known)}")
+                raise ValueError(f"unknown name {brief(name, 40)}; valid names are {', '.join(known)}")
         case ast.UnaryOp(op=operator, operand=operand) if type(operator) in _OPERATORS:
             _check(operand, variables)
         case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
@@ -161,11 +174,15 @@ def _check(node: ast.expr, variables: tuple[str, ...]) -> None:
             raise ValueError("^ is not valid; a power is written **")
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             if name not in _FUNCTIONS:
-                raise ValueError(f"unknown function {name}; valid functions are {', '.join(_FUNCTIONS)}")
+                valid = f"valid functions are {', '.join(_FUNCTIONS)}"
+                raise ValueError(f"unknown function {brief(name, 40)}; {valid}")
             if len(arguments) != _FUNCTIONS[name][0]:
                 raise ValueError(f"{len(arguments)} arguments for {name}; valid is {_signature(name)}")
             for argument in arguments:
                 _check(argument, variables)
+            if name == "J" and not _is_order(arguments[0]):
+                given = shorten(ast.unparse(arguments[0]), 40)
+                raise ValueError(f"J of order {given}; valid are whole numbers from 0 to {MAX_ORDER}")
         case _:
             raise ValueError(f"{shorten(ast.unparse(node), 40)} is not valid here; valid are {_GRAMMAR}")
 
@@ -176,6 +193,24 @@ def _fits(number: float) -> bool:
         return bool(np.isfinite(float(number)))
     except OverflowError:
         return False
+
+
+def _is_order(node: ast.expr) -> bool:
+    """Whether an argument of J is a whole number that any J of a disk's modes has."""
+    match node:
+        case ast.Constant(value=int() | float() as order):
+            return order in range(MAX_ORDER + 1)
+    return False
+
+
+def _weight(node: ast.AST) -> int:
+    """How many functions and powers a node of a checked tree counts for."""
+    match node:
+        case ast.Call(func=ast.Name(id="J")):
+            return 10
+        case ast.Call() | ast.Pow():
+            return 1
+    return 0
 
 
 def _signature(name: str) -> str:

@@ -1,7 +1,8 @@
-"""Reference meshes as plain arrays: disks with a line of nodes on the ring, and what one measures on them."""
+"""Reference meshes as plain arrays: disks and sectors with a line of nodes on the ring; measures on them."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,38 +13,116 @@ from actin_xcheck.result import COMPLETED, Ending, Outcome
 Indices = NDArray[np.int64]
 
 
+ON_A_LINE = 1e-9
+"""How near a mirror line a point of the unit disk counts as on it."""
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """The dihedral group D_k: mirror lines through the origin at the angles start + j pi/k.
+
+    Its sector lies between the first line and the next one; 2 k images of the sector tile the disk.
+
+    Attributes
+    ----------
+    mirrors : k, at least 1.
+    start : angle of the first line, radians.
+    """
+
+    mirrors: int
+    start: float
+
+    @property
+    def angle(self) -> float:
+        """Angle of the sector, radians."""
+        return np.pi / self.mirrors
+
+    @property
+    def images(self) -> Array:
+        """The maps (2 k, 2, 2) of the sector onto its images, counter-clockwise from itself.
+
+        Even ones are rotations, odd ones reflections.
+        """
+        number = np.arange(2 * self.mirrors)
+        turned = number % 2 == 0
+        angle = np.where(turned, number * self.angle, 2 * self.start + (number + 1) * self.angle)
+        cos, sin, sign = np.cos(angle), np.sin(angle), np.where(turned, 1, -1)
+        return np.array([[cos, -sign * sin], [sin, sign * cos]]).transpose(2, 0, 1)
+
+    @property
+    def sides(self) -> Array:
+        """Unit vectors from the origin along the sector's two sides, one a column, (2, 2)."""
+        angles = self.start + np.array([0.0, self.angle])
+        return np.array([np.cos(angles), np.sin(angles)])
+
+    def on_sides(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (2, n) lie on the first and on the second side, (2, n); the origin is on both."""
+        x, y = self.sides
+        across = np.outer(x, points[1]) - np.outer(y, points[0])
+        return (np.abs(across) < ON_A_LINE) & (self.sides.T @ points > -ON_A_LINE)
+
+    def fold(self, points: Array) -> tuple[Array, Indices]:
+        """Return the points (2, n) of the sector that points (2, n) are images of, and which image, (n,)."""
+        angle = np.remainder(np.arctan2(points[1], points[0]) - self.start, 2 * np.pi)
+        image = np.minimum(angle // self.angle, 2 * self.mirrors - 1).astype(np.int64)
+        return np.einsum("nij,in->jn", self.images[image], points), image
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangulation of the reference disk; it never changes, only node positions do.
+    """A triangulation of the reference disk or of a sector of it; it never changes, only node positions do.
 
     Attributes
     ----------
     xi : reference (material) positions of the nodes, (2, N).
     triangles : node numbers of each cell, counter-clockwise, (3, n_cells).
     h : the width of a layer, the length every order is measured in.
+    symmetry : of a sector, whose straight sides are its first two mirror lines; None for a disk.
     """
 
     xi: Array
     triangles: Indices
     h: float
+    symmetry: Symmetry | None = None
 
     @cached_property
     def rim(self) -> Indices:
-        """Rim edges (2, n_rim), oriented and chained counter-clockwise: edge i ends where i+1 starts."""
-        edges = np.hstack([self.triangles[[i, (i + 1) % 3]] for i in range(3)])
-        directed = {(int(i), int(j)) for i, j in edges.T}
-        following = {i: j for i, j in directed if (j, i) not in directed}
-        chain = [min(following)]
-        while (successor := following[chain[-1]]) != chain[0]:
+        """Rim edges (2, n_rim), oriented and chained counter-clockwise: edge i ends where i+1 starts.
+
+        The chain is closed on a disk and open on a sector, whose rim is its arc.
+        """
+        edges, on_side = self._boundary
+        following = dict(edges[:, ~on_side].T.tolist())
+        first = following.keys() - set(following.values())
+        chain = [min(first or following)]
+        while (successor := following.get(chain[-1], chain[0])) != chain[0] and len(chain) <= len(following):
             chain.append(successor)
-        if len(chain) != len(following):
+        if len(chain) != len(following) + len(first):
             raise ValueError("the mesh has more than one boundary loop")
-        return np.array([chain, np.roll(chain, -1)])
+        return np.array([chain[:-1], chain[1:]] if first else [chain, np.roll(chain, -1)])
 
     @cached_property
     def rim_nodes(self) -> Indices:
-        """Rim nodes in counter-clockwise order, (n_rim,)."""
-        return self.rim[0]
+        """Rim nodes in counter-clockwise order: (n_rim,) on a disk, (n_rim + 1,) on a sector."""
+        return self.rim[0] if self.symmetry is None else np.append(self.rim[0], self.rim[1, -1])
+
+    @cached_property
+    def sides(self) -> Indices:
+        """Edges on the straight sides of a sector, oriented counter-clockwise, (2, n); none on a disk."""
+        edges, on_side = self._boundary
+        return edges[:, on_side]
+
+    @cached_property
+    def _boundary(self) -> tuple[Indices, NDArray[np.bool_]]:
+        """Boundary edges (2, n), counter-clockwise, and which of them are on a straight side, (n,)."""
+        edges = np.hstack([self.triangles[[i, (i + 1) % 3]] for i in range(3)])
+        directed = {(int(i), int(j)) for i, j in edges.T}
+        outer = np.array([(i, j) for i, j in directed if (j, i) not in directed]).T
+        if self.symmetry is None:
+            return outer, np.zeros(outer.shape[1], dtype=bool)
+        on = self.symmetry.on_sides(self.xi)
+        first, second = on[:, outer[0]] & on[:, outer[1]]
+        return outer, first | second
 
     @cached_property
     def centroids(self) -> Array:
@@ -66,6 +145,59 @@ def disk(refine: int, l0: float, rotation: float = 0.0) -> Mesh:
     rotation : angle by which the mesh is turned, radians.
     """
     points, triangles = _refined_diamond(refine)
+    return Mesh(_on_circles(points, refine, l0, np.pi / 2, rotation), triangles, 2.0**-refine)
+
+
+def sector(refine: int, l0: float, symmetry: Symmetry, rotation: float = 0.0) -> Mesh:
+    """Return the sector of the unit disk that a symmetry leaves, in layers like `disk`'s.
+
+    One mirror line leaves a half, two quadrants of the disk that starts at the line.  An even number of lines
+    leaves one quadrant, whatever it is: a narrower sector of the same topology would cost the same.  Both are
+    parts of `disk(refine, l0, rotation)` where a line is an axis of it.  An odd number from 3 on leaves one
+    quadrant's topology in an angle pi/k.
+
+    Parameters
+    ----------
+    refine, l0, rotation : as for `disk`.
+    symmetry : the mesh's own is the part of it that is used.
+    """
+    quarters = (symmetry.start + symmetry.angle * np.arange(symmetry.mirrors) - rotation) / (np.pi / 2)
+    start, mirrors = symmetry.start, 2 if symmetry.mirrors % 2 == 0 else symmetry.mirrors
+    on_axis = np.flatnonzero(np.abs(quarters - np.rint(quarters)) < ON_A_LINE)
+    if mirrors < 3 and on_axis.size:
+        start = float(rotation + np.pi / 2 * np.rint(quarters[on_axis[0]]))
+    used, quadrants = Symmetry(mirrors, start), 2 if mirrors == 1 else 1
+    points, triangles = _refined_diamond(refine)
+    kept = (points[1] >= 0) & ((points[0] >= 0) | (quadrants == 2))
+    xi = _on_circles(points[:, kept], refine, l0, used.angle / quadrants, start)
+    number = np.cumsum(kept) - 1
+    return Mesh(xi, number[triangles[:, kept[triangles].all(axis=0)]], 2.0**-refine, used)
+
+
+def unfold(mesh: Mesh) -> Mesh:
+    """Return the disk that a sector and its images tile; nodes that images share are one."""
+    assert mesh.symmetry is not None
+    place = shared_nodes(mesh.symmetry, mesh.xi)
+    xi = np.empty((2, place.max() + 1))
+    xi[:, place] = np.einsum("wij,jn->iwn", mesh.symmetry.images, mesh.xi)
+    mirrored = mesh.triangles[[0, 2, 1]]
+    cells = [nodes[mesh.triangles if even else mirrored] for nodes, even in zip(place, cycle((True, False)))]
+    return Mesh(xi, np.hstack(cells), mesh.h)
+
+
+def shared_nodes(symmetry: Symmetry, xi: Array) -> Indices:
+    """Number the images of a sector's points xi (2, N), (2 k, N): a point on a side is in two, or in all."""
+    image = np.arange(2 * symmetry.mirrors)[:, None]
+    first, second = symmetry.on_sides(xi)
+    # an image with an odd number shares its second side with the one before it, its first with the next
+    owner = np.where(image % 2 == 0, image, np.where(second, image - 1, np.where(first, image + 1, image)))
+    owner = np.where(first & second, 0, owner % image.size)
+    numbers: Indices = np.unique(owner * xi.shape[1] + np.arange(xi.shape[1]), return_inverse=True)[1]
+    return numbers.reshape(owner.shape)
+
+
+def _on_circles(points: Array, refine: int, l0: float, quadrant: float, start: float) -> Array:
+    """Positions (2, n) of points of the diamond: layers on circles, a quadrant's angle as given, radians."""
     layers = 2**refine
     norm1 = np.abs(points).sum(axis=0)
     layer = np.rint(norm1 * layers)
@@ -73,8 +205,8 @@ def disk(refine: int, l0: float, rotation: float = 0.0) -> Mesh:
     radius = np.interp(layer, [0, ring, layers], [0.0, l0, 1.0])
     x, y = points / np.where(norm1 > 0, norm1, 1.0)
     fraction = np.where(y >= 0, np.where(x >= 0, y, 1 - x), np.where(x < 0, 2 - y, 3 + x))
-    angle = np.pi / 2 * fraction + rotation
-    return Mesh(radius * np.array([np.cos(angle), np.sin(angle)]), triangles, 1 / layers)
+    angle = quadrant * fraction + start
+    return radius * np.array([np.cos(angle), np.sin(angle)])
 
 
 def _refined_diamond(refine: int) -> tuple[Array, Indices]:

@@ -1,6 +1,6 @@
 """The one seam to sparse direct solvers; no residual above the tolerance passes in silence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,8 +9,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm, dtrsv
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dpotri
 
+from actin_xcheck.counters import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.model import Array
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 
@@ -22,6 +23,15 @@ TOLERANCE = 1e-10
 Round-off alone leaves eps |A| |x| / |b|, which grows like h^-2: 5e-13 on 33025 nodes of P1, 1e-11 on 8321
 of P4.
 """
+
+ACCURACY = 1e-13
+"""Relative residual at which an iteration stops."""
+
+POLISH = 1e-2
+"""Of what is left then, the part that a second iteration leaves: round-off, as of a factorisation."""
+
+PATIENCE = 40
+"""Iterations that cost as much as a factorisation."""
 
 
 def solve(matrix: sp.spmatrix, rhs: Array) -> tuple[Array, Outcome]:
@@ -57,6 +67,8 @@ def _checked(
         inverse = factorise(matrix)
     except RuntimeError as error:
         return np.full_like(rhs, np.nan), Outcome(Ending.NOT_CONVERGED, f"factorisation failed: {error}")
+    WORK[FACTORISATIONS] += 1
+    WORK[SOLVES] += 1
     solution = inverse(rhs)
     solution = solution + inverse(rhs - matrix @ solution)
     residual = float(np.linalg.norm(rhs - matrix @ solution)) / scale
@@ -87,10 +99,11 @@ class _Front:
 
 
 class SymmetricSolver:
-    """Direct solver of symmetric positive definite systems that share one sparsity pattern.
+    """Solver of symmetric positive definite systems that share one sparsity pattern.
 
     A multifrontal Cholesky factorisation (Duff and Reid, ACM Trans. Math. Softw. 9, 1983): symbolic work
     is done here, once, and a factorisation is dense LAPACK on one small matrix per part of a dissection.
+    A `Preconditioner` made of a matrix nearby saves that of the matrix itself.
 
     Parameters
     ----------
@@ -122,15 +135,38 @@ class SymmetricSolver:
             if boundary.size:
                 children[int(np.searchsorted(starts, boundary[0], side="right")) - 1].append(number)
 
-    def solve(self, matrix: sp.csr_matrix, rhs: Array) -> tuple[Array, Outcome]:
-        """Like `linear.solve`, which takes over where the matrix is not positive definite."""
+    def solve(
+        self, matrix: sp.csr_matrix, rhs: Array, near: "Preconditioner | None" = None
+    ) -> tuple[Array, Outcome]:
+        """Like `linear.solve`, which takes over where the matrix is not positive definite.
+
+        Parameters
+        ----------
+        matrix, rhs : the system, (n, n) and (n,).
+        near : of a matrix nearby: conjugate gradients then, as long as they are faster than a factorisation.
+        """
+        if near is not None and (solution := _iterated(matrix, rhs, near)) is not None:
+            WORK[SOLVES] += 1
+            return solution, COMPLETED
         solution, outcome = _checked(self._factorise, matrix, rhs)
         return (solution, outcome) if outcome.ok else solve(matrix, rhs)
 
+    def preconditioner(self, matrix: sp.csr_matrix) -> "Preconditioner | None":
+        """Return what stands for the inverses of matrices near this one; None if it has no factor."""
+        WORK[FACTORISATIONS] += 1
+        try:
+            return Preconditioner(self._order, self._fronts, self._eliminated(matrix))
+        except RuntimeError:
+            return None
+
     def _factorise(self, matrix: sp.csr_matrix) -> Callable[[Array], Array]:
-        """Return the solver of L L^T x = b, from L by columns of blocks (pivots; boundary)."""
+        """Return the solver of L L^T x = b."""
+        blocks = list(self._eliminated(matrix))
+        return lambda rhs: self._substitute(blocks, rhs)
+
+    def _eliminated(self, matrix: sp.csr_matrix) -> Iterator[tuple[Array, Array]]:
+        """Yield L by columns of blocks (pivots; boundary), front by front."""
         schur: list[Array | None] = [None] * len(self._fronts)
-        blocks: list[tuple[Array, Array]] = []
         for number, front in enumerate(self._fronts):
             pivots, size = front.pivots.stop - front.pivots.start, front.boundary.size
             dense = np.zeros((pivots + size, pivots + size))
@@ -146,8 +182,7 @@ class SymmetricSolver:
                 raise RuntimeError("the matrix is not positive definite")
             below = dtrsm(1.0, diagonal, dense[:pivots, pivots:].T, side=1, lower=1, trans_a=1)
             schur[number] = dense[pivots:, pivots:] - below @ below.T
-            blocks.append((diagonal, below))
-        return lambda rhs: self._substitute(blocks, rhs)
+            yield diagonal, below
 
     def _substitute(self, blocks: list[tuple[Array, Array]], rhs: Array) -> Array:
         x = rhs[self._order]
@@ -162,6 +197,148 @@ class SymmetricSolver:
         return solution
 
 
+def _iterated(matrix: sp.csr_matrix, rhs: Array, near: "Preconditioner") -> Array | None:
+    """Solve by conjugate gradients, refined once; None where a factorisation is faster, or needed."""
+    solution = _conjugate_gradients(matrix, rhs, near, ACCURACY)
+    if solution is None:
+        return None
+    residual = rhs - matrix @ solution
+    correction = _conjugate_gradients(matrix, residual, near, POLISH)
+    if correction is not None:
+        solution = solution + correction
+        residual = rhs - matrix @ solution
+    return solution if float(np.linalg.norm(residual)) <= TOLERANCE * float(np.linalg.norm(rhs)) else None
+
+
+def _conjugate_gradients(
+    matrix: sp.csr_matrix, rhs: Array, near: "Preconditioner", accuracy: float
+) -> Array | None:
+    """Reduce the residual to a part `accuracy` of what it is at first; None where that takes too long."""
+    scale = float(np.linalg.norm(rhs))
+    if scale == 0.0 or not np.isfinite(scale):
+        return None
+    solution, residual, direction = np.zeros_like(rhs), rhs.copy(), np.zeros_like(rhs)
+    first = before = 1.0
+    for count in range(PATIENCE):
+        correction = near(residual)
+        product = float(residual @ correction)
+        direction = correction + product / before * direction
+        image = matrix @ direction
+        curvature = float(direction @ image)
+        if not (product > 0 and curvature > 0):
+            return None
+        first = first if count else product
+        # the energy of the error falls steadily, the residual need not
+        if product / first > ACCURACY ** (2 * (count - 5) / PATIENCE):
+            return None
+        solution += product / curvature * direction
+        residual -= product / curvature * image
+        before = product
+        if float(np.linalg.norm(residual)) <= accuracy * scale:
+            return solution
+    return None
+
+
+class Preconditioner:
+    """The inverse of one matrix in single precision: a factor laid out for speed, applied to many vectors.
+
+    Fronts of one generation are independent of each other; those of nearly one size are padded to one and
+    substituted by one product each way.  Of A = [[A_pp, A_pb], [A_bp, A_bb]] a front keeps S = A_pp^-1 and
+    C = A_bp S: forwards b - C p goes to the boundary, backwards p becomes S p - C^T b.
+
+    Parameters
+    ----------
+    order : unknowns in order of elimination, (n,).
+    fronts : of the factorisation.
+    blocks : L by fronts, (pivots; boundary).
+    """
+
+    def __init__(self, order: Indices, fronts: list[_Front], blocks: Iterator[tuple[Array, Array]]) -> None:
+        self._order = order
+        self._groups = _groups(fronts, order.size)
+        place = {
+            number: (g, i) for g, group in enumerate(self._groups) for i, number in enumerate(group.fronts)
+        }
+        for number, (diagonal, below) in enumerate(blocks):
+            group, i = self._groups[place[number][0]], place[number][1]
+            pivots, size = diagonal.shape[0], below.shape[0]
+            lower = np.tril(dpotri(diagonal, lower=1)[0])
+            group.inverse[i, :pivots, :pivots] = lower + np.tril(lower, -1).T
+            group.coupling[i, :size, :pivots] = dtrsm(1.0, diagonal, below, side=1, lower=1)
+
+    def __call__(self, vector: Array) -> Array:
+        """The inverse applied to a vector (n,)."""
+        scale = np.abs(vector).max()  # keeps small residuals out of single precision's underflow
+        x = np.zeros(vector.size + 1, dtype=np.float32)  # the last one is where padding points
+        x[:-1] = vector[self._order] / scale
+        for group in self._groups:
+            np.subtract.at(x, group.boundary.ravel(), (group.coupling @ x[group.pivots]).ravel())
+        x[-1] = 0
+        for group in reversed(self._groups):
+            back = group.coupling.swapaxes(1, 2) @ x[group.boundary]
+            x[group.pivots] = group.inverse @ x[group.pivots] - back
+        solution = np.empty_like(vector)
+        solution[self._order] = x[:-1]
+        return solution * scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Fronts of one generation, padded to p pivots and m boundary unknowns; padding is unknown n.
+
+    Attributes
+    ----------
+    fronts : their numbers, (f,).
+    pivots, boundary : their unknowns, (f, p, 1) and (f, m, 1).
+    inverse, coupling : S (f, p, p) and C (f, m, p) of each.
+    """
+
+    fronts: list[int]
+    pivots: Indices
+    boundary: Indices
+    inverse: NDArray[np.float32]
+    coupling: NDArray[np.float32]
+
+
+PADDING = 1.3
+"""Largest share of a group's numbers, padding included, in those of its fronts."""
+
+
+def _groups(fronts: list[_Front], size: int) -> list[_Group]:
+    """Sort fronts into groups, generation by generation from the leaves."""
+    generation = np.zeros(len(fronts), dtype=np.int64)
+    for number, front in enumerate(fronts):
+        generation[number] = 1 + max((generation[child] for child, _ in front.children), default=-1)
+    shapes = [(front.pivots.stop - front.pivots.start, front.boundary.size) for front in fronts]
+    order = sorted(range(len(fronts)), key=lambda number: (generation[number], *shapes[number]))
+    groups: list[list[int]] = []
+    p = m = kept = 0
+    for number in order:
+        wide, high = max(p, shapes[number][0]), max(m, shapes[number][1])
+        own = shapes[number][0] * sum(shapes[number])
+        alike = groups and generation[groups[-1][0]] == generation[number]
+        if alike and (len(groups[-1]) + 1) * wide * (wide + high) <= PADDING * (kept + own):
+            groups[-1].append(number)
+            p, m, kept = wide, high, kept + own
+        else:
+            groups.append([number])
+            p, m, kept = *shapes[number], own
+    return [_group(fronts, numbers, size) for numbers in groups]
+
+
+def _group(fronts: list[_Front], numbers: list[int], padding: int) -> _Group:
+    p = max(fronts[number].pivots.stop - fronts[number].pivots.start for number in numbers)
+    m = max(fronts[number].boundary.size for number in numbers)
+    pivots, boundary = (np.full((len(numbers), length, 1), padding) for length in (p, m))
+    for i, front in enumerate(fronts[number] for number in numbers):
+        pivots[i, : front.pivots.stop - front.pivots.start, 0] = np.arange(
+            front.pivots.start, front.pivots.stop
+        )
+        boundary[i, : front.boundary.size, 0] = front.boundary
+    inverse, coupling = (np.zeros((len(numbers), length, p), dtype=np.float32) for length in (p, m))
+    return _Group(numbers, pivots, boundary, inverse, coupling)
+
+
 def _pieces(front: Indices, boundary: Indices) -> list[tuple[slice, slice, slice, slice]]:
     """Upper-triangle rectangles that add a child's Schur complement to its parent's front: few, long runs."""
     target = np.searchsorted(front, boundary)
@@ -174,7 +351,7 @@ def _pieces(front: Indices, boundary: Indices) -> list[tuple[slice, slice, slice
     ]
 
 
-LEAF = 64
+LEAF = 32
 """Nodes that are not worth dissecting further: dense elimination is faster."""
 
 CUTS = np.array([[1, 0], [0, 1], [1, 1], [1, -1]])

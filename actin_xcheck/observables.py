@@ -10,12 +10,21 @@ from actin_xcheck.model import Array
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """What is measured on a state as a whole: area, integral of a, centroid (2,), rim points (2, n)."""
+    """What is measured on a state as a whole.
+
+    Attributes
+    ----------
+    area, total_actin : of the cell, and the integral of a over it.
+    centroid : (2,).
+    rim : rim nodes, (2, n).
+    jacobian_min : smallest det dx/dxi.
+    """
 
     area: float
     total_actin: float
     centroid: Array
     rim: Array
+    jacobian_min: float
 
 
 def area(x: Array, triangles: Indices) -> float:
@@ -42,7 +51,7 @@ def balance_residual(
     [(1 + dt k) m(t+dt) - m(t) - dt (k |Omega(t)| + S)] / m(t+dt) with m total actin, k the reaction rate
     (1 or 0) and S the integrated source: the sum of all rows of (B.23b), and of the finite-volume equations.
     """
-    return ((1 + dt * rate) * after - before - dt * (rate * old_area + source)) / after
+    return float(np.divide((1 + dt * rate) * after - before - dt * (rate * old_area + source), after))
 
 
 def jacobian_min(mesh: Mesh, x: Array) -> float:
@@ -62,13 +71,19 @@ def polarity(points: Array) -> float:
 
     The index of polarity of section 5.3.1.  The ellipse {y : |A y + b| <= 1} maximises log det A; a
     log-barrier Newton method in its five unknowns follows the central path until the duality gap is below
-    1e-11.
+    1e-11.  It has nothing to do where all points lie on the ellipse of their covariance, which then is the
+    smallest one (John's theorem, with equal weights): a round cell is measured a hundred times faster.
     """
-    centre = points.mean(axis=1, keepdims=True)
-    scale = np.hypot(*(points - centre)).max()
-    if not scale > 0:  # one point, or none of the coordinates is a number
+    points = points - points.mean(axis=1, keepdims=True)
+    scale = np.hypot(*points).max()
+    if not 0 < scale < np.inf:  # one point, or a coordinate is no number
         return float("nan")
-    y = (points - centre) / scale
+    y = points / scale
+    squares, axes = np.linalg.eigh(np.cov(y, bias=True))
+    if squares[0] <= 1e-15 * squares[1]:  # on a line
+        return 0.0
+    if np.ptp(((axes.T @ y) ** 2).T @ (1 / squares)) < 1e-11:
+        return float(np.sqrt(squares[0] / squares[1]))
     # A = [[p, q], [q, r]], residual A y + b is linear in s = (p, q, r, b1, b2)
     zero, one = np.zeros(y.shape[1]), np.ones(y.shape[1])
     row1 = np.array([y[0], y[1], zero, one, zero])
@@ -106,7 +121,7 @@ def _centre(s: Array, row1: Array, row2: Array, weight: float, tolerance: float)
             not (trial := _barrier(s + step * newton, row1, row2, weight)) <= value - 0.1 * step * decrement
         ):
             step *= 0.5
-            if step * decrement < floor:  # round-off of the barrier value itself
+            if not step * decrement >= floor:  # round-off of the barrier value itself, or no number
                 return s
         s, value = s + step * newton, trial
     return s

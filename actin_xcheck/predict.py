@@ -60,11 +60,13 @@ def modes_command(
 ) -> None:
     """Every growth rate above a bound, per angular number; the count is proved by the argument principle."""
     model = _model(Parameters(psi, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    if not math.isfinite(above):
+        raise UserError(f"--above: {above:g} is no number; valid: a finite number")
     found = []
     for number in _numbers(m):
         try:
             rates = DiskModes(model, number).rates(above)
-        except ValueError as error:
+        except (ValueError, ArithmeticError) as error:
             raise UserError(f"--above: {error}") from None
         found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
     if as_json:
@@ -133,14 +135,14 @@ def report_command(
 def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:
     """Check what the types do not."""
     for option, value in {"--psi": parameters.psi, "--p": parameters.p}.items():
-        if not math.isfinite(value):
-            raise UserError(f"{option}: {value:g} is no number; valid: a finite number")
+        if not abs(value) <= 1e6:
+            raise UserError(f"{option}: {value:g} is out of range; valid: a number between -1e6 and 1e6")
     positive = {"--d": parameters.d, "--a-sat": parameters.a_sat, "--mu1": parameters.mu1}
     for option, value in positive.items():
-        if not value > 0:
-            raise UserError(f"{option}: {value:g} is out of range; valid: a number > 0")
-    if not parameters.mu2 >= 0:
-        raise UserError(f"--mu2: {parameters.mu2:g} is out of range; valid: a number >= 0")
+        if not 1e-6 <= value <= 1e6:
+            raise UserError(f"{option}: {value:g} is out of range; valid: a number between 1e-6 and 1e6")
+    if not 0 <= parameters.mu2 <= 1e6:
+        raise UserError(f"--mu2: {parameters.mu2:g} is out of range; valid: a number between 0 and 1e6")
     if not -1 < parameters.nu < 0.5:
         raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
     if delta not in {Delta.NONE, Delta.FULL}:
@@ -155,4 +157,6 @@ def _numbers(given: str) -> range:
     first, last = int(match[1]), int(match[2] or match[1])
     if first > last:
         raise UserError(f"--m: {given!r} is empty; valid: the smaller number first")
+    if last > 100:
+        raise UserError(f"--m: {last} is out of range; valid: up to 100")
     return range(first, last + 1)

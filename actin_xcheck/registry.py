@@ -10,6 +10,18 @@ from actin_xcheck.errors import UserError
 FORCE_BALANCE = "fem.force_balance:ForceBalance"
 """The one Mechanics that solves the force balance; finite volumes borrow it."""
 
+RADIAL = "fem.radial:Radial"
+"""One ray of an axisymmetric cell."""
+
+SECTOR = "fem.sector:Unfolded"
+"""A sector between mirror lines, seen as the whole cell."""
+
+MODAL = "fem.modal:Modal"
+"""The linear modes of the rest state."""
+
+HAND_OVER = "fem.handover:HandOver"
+"""These, then a solver of the whole model."""
+
 SPECTRUM = "fem.spectrum:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
 

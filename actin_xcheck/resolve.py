@@ -60,7 +60,10 @@ def mode_field(scene: Scene, m: int, n: int) -> Eigenfield:
     """The eigenfield of a mode the scene names; UserError where its cell has no such mode."""
     try:
         return eigenfield(scene.physics, m, n)
-    except ValueError as error:
+    except (
+        ValueError,
+        ArithmeticError,
+    ) as error:  # no such mode, or one on the edge of where they are counted
         raise UserError(f"{scene.origin}: {error}") from None
 
 

@@ -1,8 +1,11 @@
 """Scenes: everything physical about a run and nothing numerical, read from TOML and checked key by key."""
 
+import re
 import reprlib
+import stat
 import tomllib
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
@@ -12,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from actin_xcheck.errors import UserError
+from actin_xcheck.errors import UserError, brief
 from actin_xcheck.expression import Expression
 from actin_xcheck.model import Closure, Delta, Model
 from actin_xcheck.parameters import DimensionalParameters, Parameters
@@ -35,8 +38,33 @@ from actin_xcheck.tables import (
 _SHIPPED = files("actin_xcheck") / "scenes"
 _CONSTANT = (str(Delta.NONE), str(Delta.FULL))  # the linear theory takes delta constant
 _ONE_TABLE = "should be a table, one of [parameters] and [dimensional], not both"
-_GIVEN = reprlib.Repr()  # short, however long or deep the value
-_GIVEN.maxstring = _GIVEN.maxother = 80
+MAX_SIZE = 200_000
+"""Bytes of a scene: a hundred times what the shipped ones have; parsing takes up to 2 us each."""
+
+MOST_UNSTABLE = 15_000.0
+"""Of growth over diffusion: about 40 unstable modes of an angular number, listed in two seconds."""
+
+MAX_DOTS = 20
+"""In a key: the parser keeps every beginning of a dotted key, which takes the square of their number."""
+
+_TOO_DOTTED = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MAX_DOTS}}}"""
+)
+
+
+class _Given(reprlib.Repr):
+    """Shows a value short, however long or deep it is."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = 80
+
+    def repr_int(self, value: int, level: int) -> str:
+        """Python does not write integers of thousands of digits."""
+        return super().repr_int(value, level) if value.bit_length() < 4000 else "a huge integer"
+
+
+_GIVEN = _Given()
 
 
 class Scene(Table):
@@ -68,6 +96,26 @@ class Scene(Table):
         return self
 
     @model_validator(mode="after")
+    def _is_in_range(self) -> Self:
+        """The groups of (3.1) obey the rules of [parameters], which products and powers may leave."""
+        if self.dimensional:
+            given = self.dimensional.model_dump(exclude_unset=True)
+            try:
+                ParametersTable.model_validate(asdict(self.parameters))
+            except ArithmeticError:
+                raise mistake(
+                    "dimensional", given, "should give numbers that are no larger than 1e308"
+                ) from None
+            except ValidationError as error:
+                group = error.errors()[0]
+                raise mistake(
+                    "dimensional",
+                    given,
+                    f"makes {group['loc'][0]} = {group['input']:.3g} of (3.1), which {_words(group)}",
+                ) from None
+        return self
+
+    @model_validator(mode="after")
     def _has_one_displacement(self) -> Self:
         valid = "should not stand beside [motion], which says where the points start"
         if self.motion and self.initial.u:
@@ -83,6 +131,8 @@ class Scene(Table):
             if mode and self.model.closure is Closure.IRROTATIONAL_WALL and (mode.m, mode.n) == (0, 1):
                 valid = "should be at least 2 for m = 0 beside a wall, since j'_{0,1} = 0 (A.1)"
                 raise mistake(f"{key}.n", 1, valid)
+            if mode and self.model.closure is not Closure.IRROTATIONAL_WALL:
+                self._rates_can_be_listed(key, mode.m)
         if (rate or self.initial.eigenmode) and self.parameters.p and self.model.delta not in _CONSTANT:
             valid = f"should be {' or '.join(map(repr, _CONSTANT))} where p != 0 and a mode is given"
             raise mistake("model.delta", str(self.model.delta), valid)
@@ -90,6 +140,18 @@ class Scene(Table):
             valid = f"should be [t0, t1] with 0 <= t0 < t1 <= time.end = {self.time.end:g}"
             raise mistake("expect.growth_rate.window", list(rate.window), valid)
         return self
+
+    def _rates_can_be_listed(self, key: str, m: int) -> None:
+        """The rates of the moving cell are counted one by one, which takes the longer the more there are."""
+        p = self.parameters
+        if m == 0 and not self.model.reaction:
+            valid = "should be at least 1 where reaction = false, for one rate of m = 0 is 0"
+            raise mistake(f"{key}.m", m, valid)
+        if (1 + (p.psi + abs(p.p)) / p.mu) > MOST_UNSTABLE * p.d:
+            valid = (
+                f"should be at least (1 + (psi + |p|)/(mu1 + mu2))/{MOST_UNSTABLE:g} where a mode is given"
+            )
+            raise mistake("parameters.d", p.d, valid)
 
     @model_validator(mode="after")
     def _references_are_reached(self) -> Self:
@@ -191,17 +253,42 @@ def scene_text(name_or_path: str | Path) -> str:
 def parse_scene(text: str, origin: str) -> Scene:
     """Return the scene a TOML text states; `origin` names its place in the UserError a mistake raises."""
     try:
-        scene = Scene.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{origin}: not valid TOML: {error}") from None
-    except RecursionError:
-        raise UserError(f"{origin}: not valid TOML: nested too deeply") from None
+        scene = Scene.model_validate(_toml(text))
     except ValidationError as error:
         # an unknown key first: often it is the misspelt one that another mistake misses
         first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
         raise UserError(f"{origin}: {' '.join(_sentence(first).split())}") from None  # one line
+    except ValueError as error:
+        raise UserError(f"{origin}: {brief(str(error), 400)}") from None
     scene._text, scene._origin = text, origin
     return scene
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """Parse TOML of bounded size and depth; ValueError says why it cannot be read."""
+    if len(text) > MAX_SIZE:
+        raise ValueError(f"{len(text)} characters are no scene; at most {MAX_SIZE} are valid")
+    if not _is_unicode(text):
+        raise ValueError("not valid TOML: not Unicode text")
+    if found := _TOO_DOTTED.search(text):
+        raise ValueError(f"{brief(found[0])} is no key; at most {MAX_DOTS} dots are valid")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("not valid TOML: nested too deeply") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"not valid TOML: {error}") from None
+    except ValueError:  # Python reads integers of up to 4300 digits
+        raise ValueError("not valid TOML: an integer of thousands of digits") from None
+
+
+def _is_unicode(text: str) -> bool:
+    """False for lone surrogates, which no file in UTF-8 holds."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:
@@ -212,9 +299,16 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
     if not origin.endswith(".toml"):
         hint = _did_you_mean(origin, shipped_scenes())
         valid = f"shipped scenes are {', '.join(shipped_scenes())}; a file's path ends in .toml"
-        raise UserError(f"unknown scene {origin!r}{hint}; {valid}")
+        raise UserError(f"unknown scene {brief(origin)!r}{hint}; {valid}")
     try:
-        return Path(origin).read_text(encoding="utf-8-sig"), origin
+        if not stat.S_ISREG((found := Path(origin).stat()).st_mode):  # a pipe would never end
+            what = "Is a directory" if stat.S_ISDIR(found.st_mode) else "not a regular file"
+            raise OSError(what)
+        with Path(origin).open("rb") as file:
+            content = file.read(MAX_SIZE + 1)
+        if len(content) > MAX_SIZE:
+            raise OSError(f"larger than {MAX_SIZE} bytes")
+        return content.decode("utf-8-sig").replace("\r\n", "\n"), origin
     except UnicodeDecodeError as error:
         raise UserError(f"{origin}: not UTF-8 text ({error.reason} at byte {error.start})") from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
@@ -227,7 +321,7 @@ def _sentence(error: ErrorDetails) -> str:
     context, location = error.get("ctx", {}), error["loc"]
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     key = f"{key}.{context['key']}" if "key" in context else key
-    key = key.removeprefix(".")
+    key = brief(key.removeprefix("."), 160)
     match error["type"]:
         case "extra_forbidden":
             valid = _keys(_table_at(location[:-1]))
@@ -242,9 +336,14 @@ def _sentence(error: ErrorDetails) -> str:
         case "string_pattern_mismatch":
             what = "should be letters, digits, '-', '_' and '.', a letter or digit first"
         case _:
-            words = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
-            what = words.replace(" after validation", "").replace("tuple", "list").replace("Tuple", "list")
+            what = _words(error)
     return f"{key} = {_GIVEN.repr(context.get('given', error['input']))}: {what}"
+
+
+def _words(error: ErrorDetails) -> str:
+    """What a value should be, in the words of TOML."""
+    words = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    return words.replace(" after validation", "").replace("tuple", "list").replace("Tuple", "list")
 
 
 def _table_at(location: tuple[int | str, ...]) -> type[BaseModel]:

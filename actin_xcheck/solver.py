@@ -9,10 +9,13 @@ Cell means, total actin, probes and loads all follow from them, so both codes ar
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
+import numpy as np
+
 from actin_xcheck import observables
-from actin_xcheck.geometry import Mesh, locate
+from actin_xcheck.geometry import Indices, Mesh, locate, orientation
 from actin_xcheck.model import Array, Model
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import COMPLETED, Outcome
@@ -109,6 +112,40 @@ class State:
     local_error: float = float("nan")
 
 
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """What frames are stored on; it never changes in a run.
+
+    Attributes
+    ----------
+    xi : material positions of the nodes, (2, N).
+    cells : nodes of each cell in the order of `lagrange.nodes`, vertices counter-clockwise,
+        (n_local, n_cells).
+    order : k, that of the fields and of the cells' sides; n_local = (k + 1)(k + 2)/2.
+    """
+
+    xi: Array
+    cells: Indices
+    order: int
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A state on its grid: what is stored of it.
+
+    Attributes
+    ----------
+    x, v : node positions and velocities, (2, N).
+    a : concentration at the nodes, (N,).
+    a_cells : its means over the cells, curved as they are, (n_cells,).
+    """
+
+    x: Array
+    v: Array
+    a: Array
+    a_cells: Array
+
+
 Probes = Callable[[State], tuple[Array, Array]]
 """Concentrations (k,) and positions (k, 2) of material points in a state."""
 
@@ -116,7 +153,15 @@ Probes = Callable[[State], tuple[Array, Array]]
 class Solver(Protocol):
     """A method bound to a problem and a mesh: explicit `init`, pure `step`."""
 
-    mesh: Mesh
+    @property
+    def mesh(self) -> Mesh:
+        """The reference mesh of the whole cell; corner values belong to its triangles."""
+        ...
+
+    @property
+    def grid(self) -> Grid:
+        """What frames are stored on."""
+        ...
 
     def init(self) -> State:
         """Return the state at t = 0."""
@@ -126,12 +171,20 @@ class Solver(Protocol):
         """Return the state at t + dt and how the step went; a rejected step is simply dropped."""
         ...
 
+    def check(self, state: State) -> Outcome:
+        """Whether the configuration of a state is valid: no cell has turned over."""
+        ...
+
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the concentration."""
         ...
 
     def measure(self, state: State) -> Measures:
         """Area, total actin, centroid and rim of a state, by the method's own integrals."""
+        ...
+
+    def frame(self, state: State) -> Frame:
+        """The state on the grid."""
         ...
 
     def probes(self, points: Array) -> Probes:
@@ -148,15 +201,37 @@ class Polygonal(ABC):
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the concentration."""
 
+    @cached_property
+    def grid(self) -> Grid:
+        """The mesh itself."""
+        return Grid(self.mesh.xi, self.mesh.triangles, 1)
+
+    def frame(self, state: State) -> Frame:
+        """Nodal values are means of the corners that meet there."""
+        return straight_frame(self.mesh, state, self.corners(state))
+
+    def check(self, state: State) -> Outcome:
+        """The orientation of every triangle."""
+        return orientation(self.mesh, state.t, state.x)
+
     def measure(self, state: State) -> Measures:
         """Integrals over the polygon."""
         triangles, x = self.mesh.triangles, state.x
         total = observables.total_actin(x, triangles, self.corners(state))
         rim = x[:, self.mesh.rim_nodes]
-        return Measures(observables.area(x, triangles), total, observables.centroid(x, triangles), rim)
+        size, centre = observables.area(x, triangles), observables.centroid(x, triangles)
+        return Measures(size, total, centre, rim, observables.jacobian_min(self.mesh, x))
 
     def probes(self, points: Array) -> Probes:
         """Linear interpolation in the triangles that hold the points (2, k)."""
         cells, weights = locate(self.mesh, points)
         triangles = self.mesh.triangles
         return lambda state: observables.probe(triangles, cells, weights, self.corners(state), state.x)
+
+
+def straight_frame(mesh: Mesh, state: State, corners: Array) -> Frame:
+    """A state on straight triangles, from the corner values (3, n_cells) of its concentration."""
+    count = mesh.xi.shape[1]
+    meeting = np.bincount(mesh.triangles.ravel(), minlength=count)
+    nodal = np.bincount(mesh.triangles.ravel(), corners.ravel(), count) / meeting
+    return Frame(state.x, state.v, nodal, corners.mean(axis=0))

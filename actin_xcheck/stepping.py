@@ -8,7 +8,6 @@ from typing import Protocol
 
 import numpy as np
 
-from actin_xcheck.geometry import orientation
 from actin_xcheck.result import Ending, Outcome
 from actin_xcheck.solver import Solver, State
 
@@ -70,7 +69,7 @@ def integrate(
     The Outcome: `completed`, or how and where the run ended before its time.
     """
     state = solver.init()
-    outcome = orientation(solver.mesh, 0.0, state.x)
+    outcome = solver.check(state)
     observer.record(0.0, state)
     observer.frame(state)
     controller = None if tolerance is None else Controller(tolerance, dt)

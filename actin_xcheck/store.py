@@ -30,7 +30,8 @@ from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
 from actin_xcheck.geometry import Indices
 from actin_xcheck.model import Array
-from actin_xcheck.result import Outcome
+from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.solver import Frame
 
 SCHEMA = 1
 """Version of the layout under `/run` and of a comparison; a reader refuses any other."""
@@ -93,7 +94,7 @@ class RunWriter:
     ----------
     path : destination, by custom ending in `.vtkhdf`.
     xi : material positions of the nodes, (2, N).
-    triangles : node numbers, (3, n_cells).
+    cells : nodes of each cell in the order of `lagrange.nodes`, (n_local, n_cells).
     delta : delta(xi) of (2.5) on cells, (n_cells,).
     attributes : at least `RUN_ATTRIBUTES`.
 
@@ -103,9 +104,7 @@ class RunWriter:
     ValueError : an attribute is missing.
     """
 
-    def __init__(
-        self, path: Path, xi: Array, triangles: Indices, delta: Array, attributes: Attributes
-    ) -> None:
+    def __init__(self, path: Path, xi: Array, cells: Indices, delta: Array, attributes: Attributes) -> None:
         if missing := [name for name in RUN_ATTRIBUTES if name not in attributes]:
             raise ValueError(f"attributes of a run lack {', '.join(missing)}")
         self._path = Path(path)
@@ -115,7 +114,7 @@ class RunWriter:
         run = self._file.create_group("run")
         state(run, {"schema": SCHEMA, **attributes})
         self._series = run.create_group("series")
-        vtkhdf.create(self._file, xi, triangles, delta)
+        vtkhdf.create(self._file, xi, cells, delta)
 
     def record(self, row: Mapping[str, float | ArrayLike]) -> None:
         """Append one row to `/run/series`; the first row fixes names and shapes, others raise ValueError."""
@@ -131,9 +130,9 @@ class RunWriter:
         if len(self._rows) == _ROWS_PER_CHUNK:
             self._write_rows()
 
-    def frame(self, t: float, x: Array, a_points: Array, a_cells: Array, u: Array, v: Array) -> None:
-        """Append one output time: x, u, v (2, N), a at nodes (N,) and as cell means (n_cells,)."""
-        vtkhdf.append_frame(self._file, t, x, a_points, a_cells, u, v)
+    def frame(self, t: float, frame: Frame) -> None:
+        """Append one output time."""
+        vtkhdf.append_frame(self._file, t, frame)
         self._write_rows()
         self._file.flush()
 
@@ -172,9 +171,26 @@ def read_run(path: Path) -> Run:
         attributes = dict(file["run"].attrs)
         if missing := [name for name in (*RUN_ATTRIBUTES, *_ENDING) if name not in attributes]:
             raise KeyError(f"/run lacks {', '.join(missing)}")
-        series = {name: dataset[:] for name, dataset in file["run/series"].items()}
+        _check(attributes)
+        series = {name: vtkhdf.whole(file["run/series"], name) for name in file["run/series"]}
+        rows = len(vtkhdf.numbers(file["run/series"], "time", 1)) if series else 0
+        if wrong := [
+            name for name, one in series.items() if one.dtype.kind != "f" or one.shape[:1] != (rows,)
+        ]:
+            raise ValueError(f"/run/series/{wrong[0]} does not have a row per step")
         film = vtkhdf.read(file)
         return Run(path=Path(path), attributes=attributes, series=series, **vars(film))
+
+
+def _check(attributes: Mapping[str, Any]) -> None:
+    """Raise ValueError unless what is stated about a run is text and numbers where they should be."""
+    for name in (*RUN_ATTRIBUTES, *_ENDING):
+        value = attributes[name]
+        number = isinstance(value, np.number)
+        printable = isinstance(value, str) and (value.isprintable() or name == "scene")
+        if not (number if name in ("refine", "dt", "seed", "wall_seconds") else printable):
+            raise ValueError(f"/run states {name} = {value!r:.40}")
+    Ending(attributes["outcome"])
 
 
 def annotate(path: Path, attributes: Attributes) -> None:
@@ -220,7 +236,11 @@ def read_comparison(path: Path) -> Comparison:
             for scene, methods in file["runs"].items()
             for method in methods
         }
-    runs = {name: read_run(Path(path).parent / link) for name, link in links.items()}
+    folder = Path(path).parent
+    for name, link in links.items():
+        if not (folder / link).resolve().is_relative_to(folder.resolve()):
+            raise UserError(f"{path}: the run {name} is linked outside of the comparison's folder, {link}")
+    runs = {name: read_run(folder / link) for name, link in links.items()}
     return Comparison(Path(path), attributes, claims, runs)
 
 
@@ -261,7 +281,8 @@ def _partial(path: Path) -> Path:
 
 def _create(path: Path) -> h5py.File:
     try:
-        return h5py.File(_partial(path), "w")
+        # this format guards its structure by checksums; the library can crash on a damaged file of older ones
+        return h5py.File(_partial(path), "w", libver=("v108", "v110"))
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error})") from error
 
@@ -294,7 +315,9 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
             if schema != SCHEMA:
                 raise UserError(f"{path}: schema {schema}, but this version reads schema {SCHEMA}")
             yield file
-    except (OSError, KeyError, ValueError, TypeError) as error:
+    except UserError:
+        raise
+    except Exception as error:  # the library has its own for every way in which a file can be damaged
         reason = str(error).strip("'\"")
         raise UserError(f"{path}: not a whole {kind} written by actin_xcheck ({reason})") from error
 

@@ -4,6 +4,7 @@ A scene is stated in its own frame; `[domain] rotation` turns all of it about th
 quantities are non-dimensional unless they stand under `[dimensional]`.
 """
 
+from itertools import pairwise
 from typing import Annotated, Self, TypeVar
 
 import numpy as np
@@ -15,13 +16,41 @@ from actin_xcheck.expression import Expression, coordinates
 from actin_xcheck.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import DimensionalParameters, Parameters
 
+MOST = 1000
+"""Output times, probes and reference times a scene may have: each is a frame, a column or a row of a file."""
+
+RESOLVED = 1e-6
+"""Times nearer to each other are one: files and steps find them by less."""
+
+LATEST = 1e6
+"""The last time that steps of `RESOLVED` still reach in double precision."""
+
+LARGEST = 1e6
+"""Of concentrations and lengths at t = 0."""
+
 T = TypeVar("T")
-Many = Annotated[tuple[T, ...], Field(strict=False)]  # a TOML array
+Many = Annotated[tuple[T, ...], Field(strict=False, fail_fast=True)]  # a TOML array
 Pair = Annotated[tuple[T, T], Field(strict=False)]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
-Poisson = Annotated[float, Field(gt=-1, lt=0.5)]
-Fraction = Annotated[float, Field(gt=0, lt=1)]
+
+
+def _within(low: float, high: float) -> AfterValidator:
+    """Keep a number where products and squares of it are far from the ends of double precision."""
+
+    def check(value: float) -> float:
+        if not low <= value <= high:
+            raise ValueError(f"should lie between {low:g} and {high:g}")
+        return value
+
+    return AfterValidator(check)
+
+
+Group = Annotated[float, _within(-1e9, 1e9)]
+PositiveGroup = Annotated[Positive, _within(1e-9, 1e9)]
+NonNegativeGroup = Annotated[NonNegative, _within(0, 1e9)]
+Poisson = Annotated[float, Field(gt=-1, lt=0.5), _within(-0.9999, 0.4999)]
+Fraction = Annotated[float, Field(gt=0, lt=1), _within(1e-3, 0.999)]
 
 
 def _expression_in(*variables: str) -> BeforeValidator:
@@ -92,12 +121,12 @@ class Source(Table):
 class ParametersTable(Table):
     """`[parameters]`: non-dimensional, defaults of Table 2."""
 
-    psi: NonNegative
-    p: float
-    d: NonNegative = Parameters.d
-    a_sat: Positive = Parameters.a_sat
-    mu1: Positive = Parameters.mu1
-    mu2: NonNegative = Parameters.mu2
+    psi: NonNegativeGroup
+    p: Group
+    d: NonNegativeGroup = Parameters.d
+    a_sat: PositiveGroup = Parameters.a_sat
+    mu1: PositiveGroup = Parameters.mu1
+    mu2: NonNegativeGroup = Parameters.mu2
     nu: Poisson = Parameters.nu
     l0: Fraction = Parameters.l0
 
@@ -159,31 +188,37 @@ class Initial(Table):
         if self.eigenmode:  # |J_m| <= 1: whatever its sign, the mode takes at most its amplitude from a
             least, positive = abs(self.eigenmode.amplitude), "above the eigenmode's amplitude"
         _require("a", self.a, np.isfinite(a) & (a > least), a, positive)
+        _require("a", self.a, a <= LARGEST, a, f"at most {LARGEST:g}")
         for i, component in enumerate(self.u or ()):
             u = component(**at)
             _require(f"u[{i}]", component, np.isfinite(u), u, "finite")
+            _require(f"u[{i}]", component, np.abs(u) <= LARGEST, u, f"at most {LARGEST:g}")
         return self
 
 
 class Time(Table):
     """`[time]`: the end, and the times to keep."""
 
-    end: Positive
-    outputs: Many[float] = ()
+    end: float = Field(gt=0, le=LATEST)
+    outputs: Many[float] = Field(default=(), max_length=MOST)
 
     @model_validator(mode="after")
     def _is_ordered(self) -> Self:
-        if any(a >= b for a, b in zip((0.0, *self.outputs), self.outputs, strict=False)):
+        if any(a >= b for a, b in pairwise((0.0, *self.outputs))):
             raise mistake("outputs", list(self.outputs), "should increase strictly from above 0")
         if self.outputs and self.outputs[-1] > self.end:
             raise mistake("outputs", list(self.outputs), f"should not go beyond time.end = {self.end:g}")
+        for before, after in pairwise((0.0, *self.outputs, self.end)):
+            if before != after and after - before < RESOLVED:
+                valid = f"should keep {RESOLVED:g} apart from 0 and from each other, the end among them"
+                raise mistake("end" if after == self.end else "outputs", after, valid)
         return self
 
 
 class Probes(Table):
     """`[probes]`: material points to follow, by where they start."""
 
-    points: Many[Point] = ()
+    points: Many[Point] = Field(default=(), max_length=MOST)
 
 
 class Motion(Table):
@@ -198,6 +233,7 @@ class Motion(Table):
         for key, component in ("x", self.x), ("y", self.y):
             position = component(x0=x0, y0=y0, t=0.0)
             _require(key, component, np.isfinite(position), position, "finite")
+            _require(key, component, np.abs(position) <= LARGEST, position, f"at most {LARGEST:g}")
         return self
 
 
@@ -268,7 +304,7 @@ class References(Table):
 
     origin: str
     bound: ReferenceBounds
-    at: Many[Reference] = Field(min_length=1)
+    at: Many[Reference] = Field(min_length=1, max_length=MOST)
 
 
 class Agreement(Table):

@@ -1,21 +1,24 @@
 """The film of a run: a temporal UnstructuredGrid in VTKHDF 2.0, as vtkHDFReader and ParaView read it.
 
-The triangles, xi and delta never change and are stored once; positions and fields are appended, one block per
+The cells, xi and delta never change and are stored once; positions and fields are appended, one block per
 output time, and `/VTKHDF/Steps` says where the blocks of each step start.  Vectors have three components, the
-last one zero.
+last one zero.  Cells of order k > 1 are VTK's Lagrange triangles (`lagrange.py`): fields and sides are P_k.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actin_xcheck import lagrange
 from actin_xcheck.geometry import Indices
 from actin_xcheck.model import Array
+from actin_xcheck.solver import Frame
 
-_TRIANGLE = 5
-"""VTK's number for a triangle."""
+_TRIANGLE, _LAGRANGE_TRIANGLE = 5, 69
+"""VTK's numbers for a straight triangle and for one of any order."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Film:
     ----------
     times : output times, (n_frames,).
     xi : material positions of the nodes, (2, N).
-    triangles : node numbers, (3, n_cells).
+    cells : nodes of each cell in the order of `lagrange.nodes`, (n_local, n_cells).
     delta : delta(xi) of (2.5) on cells, (n_cells,).
     points, u, v : node positions, displacements and velocities, (n_frames, 2, N).
     a_points, a_cells : concentration at nodes (n_frames, N) and its cell means (n_frames, n_cells).
@@ -34,13 +37,28 @@ class Film:
 
     times: Array
     xi: Array
-    triangles: Indices
+    cells: Indices
     delta: Array
     points: Array
     a_points: Array
     a_cells: Array
     u: Array
     v: Array
+
+    @property
+    def order(self) -> int:
+        """k of the cells and of the fields on them."""
+        return lagrange.order_of(len(self.cells))
+
+    @property
+    def corners(self) -> Indices:
+        """Nodes at the corners of the cells, counter-clockwise, (3, n_cells)."""
+        return self.cells[:3]
+
+    @property
+    def triangles(self) -> Indices:
+        """The k^2 straight triangles between the nodes of each cell, cell by cell, (3, k^2 n_cells)."""
+        return np.swapaxes(self.cells[lagrange.pieces(self.order)], 1, 2).reshape(3, -1)
 
 
 def growing(group: h5py.Group, name: str, shape: tuple[int, ...], rows: int, dtype: type = float) -> None:
@@ -57,27 +75,27 @@ def append(dataset: h5py.Dataset, items: ArrayLike) -> None:
     dataset[len(dataset) - len(items) :] = items
 
 
-def create(file: h5py.File, xi: Array, triangles: Indices, delta: Array) -> None:
-    """Write `/VTKHDF` without any step: xi (2, N), triangles (3, n_cells), delta (n_cells,)."""
-    n_points, n_cells = xi.shape[1], triangles.shape[1]
+def create(file: h5py.File, xi: Array, cells: Indices, delta: Array) -> None:
+    """Write `/VTKHDF` without any step: xi (2, N), cells (n_local, n_cells), delta (n_cells,)."""
+    n_points, (n_local, n_cells) = xi.shape[1], cells.shape
     grid = file.create_group("VTKHDF")
     grid.attrs["Version"] = np.array([2, 0])
     kind = b"UnstructuredGrid"
     grid.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))  # VTK wants fixed ASCII
     grid["NumberOfPoints"] = np.array([n_points])
     grid["NumberOfCells"] = np.array([n_cells])
-    grid["NumberOfConnectivityIds"] = np.array([3 * n_cells])
-    grid["Connectivity"] = triangles.T.ravel().astype(np.int64)
-    grid["Offsets"] = 3 * np.arange(n_cells + 1)
-    grid["Types"] = np.full(n_cells, _TRIANGLE, dtype=np.uint8)
+    grid["NumberOfConnectivityIds"] = np.array([n_local * n_cells])
+    grid["Connectivity"] = cells.T.ravel().astype(np.int64)
+    grid["Offsets"] = n_local * np.arange(n_cells + 1)
+    grid["Types"] = np.full(n_cells, _TRIANGLE if n_local == 3 else _LAGRANGE_TRIANGLE, dtype=np.uint8)
     growing(grid, "Points", (3,), rows=n_points)
-    points, cells, steps = (grid.create_group(name) for name in ("PointData", "CellData", "Steps"))
+    points, in_cells, steps = (grid.create_group(name) for name in ("PointData", "CellData", "Steps"))
     points["xi"] = _in_space(xi)
-    cells["delta"] = np.asarray(delta, dtype=float)
+    in_cells["delta"] = np.asarray(delta, dtype=float)
     growing(points, "a", (), rows=n_points)
     growing(points, "u", (3,), rows=n_points)
     growing(points, "v", (3,), rows=n_points)
-    growing(cells, "a", (), rows=n_cells)
+    growing(in_cells, "a", (), rows=n_cells)
 
     steps.attrs["NSteps"] = 0
     growing(steps, "Values", (), rows=64)
@@ -85,23 +103,22 @@ def create(file: h5py.File, xi: Array, triangles: Indices, delta: Array) -> None
         growing(steps, name, (), rows=64, dtype=np.int64)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
         growing(steps, name, (1,), rows=64, dtype=np.int64)
-    for kind_of_data, names in (("PointDataOffsets", points), ("CellDataOffsets", cells)):
+    for kind_of_data, names in (("PointDataOffsets", points), ("CellDataOffsets", in_cells)):
         offsets = steps.create_group(kind_of_data)
         for name in names:
             growing(offsets, name, (), rows=64, dtype=np.int64)
 
 
-def append_frame(
-    file: h5py.File, t: float, x: Array, a_points: Array, a_cells: Array, u: Array, v: Array
-) -> None:
-    """Append one output time: x, u, v (2, N), a at nodes (N,) and as cell means (n_cells,)."""
+def append_frame(file: h5py.File, t: float, frame: Frame) -> None:
+    """Append one output time."""
     grid, steps = file["VTKHDF"], file["VTKHDF/Steps"]
     first_point, first_cell = len(grid["Points"]), len(grid["CellData/a"])
-    append(grid["Points"], _in_space(x))
-    append(grid["PointData/a"], a_points)
-    append(grid["PointData/u"], _in_space(u))
-    append(grid["PointData/v"], _in_space(v))
-    append(grid["CellData/a"], a_cells)
+    x = _in_space(frame.x)
+    append(grid["Points"], x)
+    append(grid["PointData/a"], frame.a)
+    append(grid["PointData/u"], x - grid["PointData/xi"][:])
+    append(grid["PointData/v"], _in_space(frame.v))
+    append(grid["CellData/a"], frame.a_cells)
 
     append(steps["Values"], [t])
     append(steps["NumberOfParts"], [1])
@@ -118,23 +135,54 @@ def append_frame(
 def read(file: h5py.File) -> Film:
     """Return `/VTKHDF`; KeyError or ValueError where it is not what `create` and `append_frame` write."""
     grid = file["VTKHDF"]
-    times = grid["Steps/Values"][:]
+    times, xi = numbers(grid, "Steps/Values", 1), numbers(grid, "PointData/xi", 2)[:, :2].T
+    nodes, delta = whole(grid, "Connectivity"), numbers(grid, "CellData/delta", 1)
+    frames, n_points, n_cells = len(times), xi.shape[1], len(delta)
+    if nodes.dtype.kind != "i" or nodes.size % max(n_cells, 1) or not n_cells:
+        raise ValueError("/VTKHDF/Connectivity is not that of the cells")
+    cells = nodes.reshape(n_cells, -1).T
+    if cells.min() < 0 or cells.max() >= n_points or lagrange.order_of(len(cells)) < 1:
+        raise ValueError("/VTKHDF/Connectivity is not that of the points")
 
-    def by_frame(name: str) -> Array:
-        stored = grid[name][:]
-        return stored.reshape(len(times), len(stored) // max(len(times), 1), *stored.shape[1:])
+    def vectors(name: str) -> Array:
+        return _in_plane(numbers(grid, name, 2).reshape(frames, n_points, 3))
 
     return Film(
         times=times,
-        xi=grid["PointData/xi"][:, :2].T,
-        triangles=grid["Connectivity"][:].reshape(-1, 3).T,
-        delta=grid["CellData/delta"][:],
-        points=_in_plane(by_frame("Points")),
-        a_points=by_frame("PointData/a"),
-        a_cells=by_frame("CellData/a"),
-        u=_in_plane(by_frame("PointData/u")),
-        v=_in_plane(by_frame("PointData/v")),
+        xi=xi,
+        cells=cells,
+        delta=delta,
+        points=vectors("Points"),
+        a_points=numbers(grid, "PointData/a", 1).reshape(frames, n_points),
+        a_cells=numbers(grid, "CellData/a", 1).reshape(frames, n_cells),
+        u=vectors("PointData/u"),
+        v=vectors("PointData/v"),
     )
+
+
+def whole(group: h5py.Group, name: str) -> Any:
+    """Return what a dataset holds; ValueError where it is no dataset of this file, or mostly not there.
+
+    Shapes are declared: what was never written, or is packed more than a hundredfold, would fill the memory.
+    """
+    dataset = group[name]
+    if (
+        not isinstance(dataset, h5py.Dataset)
+        or dataset.external
+        or dataset.file.filename != group.file.filename
+    ):
+        raise ValueError(f"{group.name}/{name} is no dataset of this file")
+    if dataset.nbytes > 2**24 and dataset.nbytes > 100 * dataset.id.get_storage_size():
+        raise ValueError(f"{group.name}/{name} declares {dataset.nbytes} bytes that it does not hold")
+    return dataset[()]
+
+
+def numbers(group: h5py.Group, name: str, dimensions: int) -> Array:
+    """Return real numbers of so many dimensions; ValueError where the dataset has others."""
+    found = whole(group, name)
+    if found.dtype.kind not in "fiu" or found.ndim != dimensions:
+        raise ValueError(f"{group.name}/{name} holds no numbers of {dimensions} dimensions")
+    return np.asarray(found)
 
 
 def _in_space(vectors: Array) -> Array:

@@ -90,7 +90,7 @@ class Recorder:
         amplitude: Amplitude | None,
         progress: Progress,
     ) -> None:
-        self.solver, self.mesh, self.writer = solver, solver.mesh, writer
+        self.solver, self.writer = solver, writer
         self.amplitude, self.progress, self.step = amplitude, progress, 0
         self.end = scene.output_times[-1]
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
@@ -99,7 +99,6 @@ class Recorder:
 
     def record(self, dt: float, state: State) -> None:
         """Write one row of the time series."""
-        mesh, corners = self.mesh, self.solver.corners(state)
         probe_a, probe_x = self.probes(state)
         measured = self.solver.measure(state)
         row = {
@@ -113,7 +112,7 @@ class Recorder:
             "polarity": observables.polarity(measured.rim),
             "a_min": state.a.min(),
             "a_max": state.a.max(),
-            "jacobian_min": observables.jacobian_min(mesh, state.x),
+            "jacobian_min": measured.jacobian_min,
             "probe_a": probe_a,
             "probe_x": probe_x,
         }
@@ -121,15 +120,11 @@ class Recorder:
             known = 1.0 if self.step else np.nan  # loads are those of a step: none has ended at t = 0
             row |= {"net_force": known * np.array(state.net_force), "net_torque": known * state.net_torque}
         if self.amplitude is not None:
-            row["mode_amplitude"] = self.amplitude(self.step, corners)
+            row["mode_amplitude"] = self.amplitude(self.step, self.solver.corners(state))
         self.writer.record(row)
         self.progress(round(PARTS * state.t / self.end), PARTS)
         self.step += 1
 
     def frame(self, state: State) -> None:
-        """Write one output time; nodal values are means of the corners that meet there."""
-        triangles, corners, count = self.mesh.triangles, self.solver.corners(state), self.mesh.xi.shape[1]
-        x, v = state.x[:, :count], state.v[:, :count]  # the corners of curved cells come first
-        meeting = np.bincount(triangles.ravel(), minlength=count)
-        nodal = np.bincount(triangles.ravel(), corners.ravel(), count) / meeting
-        self.writer.frame(state.t, x, nodal, corners.mean(axis=0), x - self.mesh.xi, v)
+        """Write one output time."""
+        self.writer.frame(state.t, self.solver.frame(state))

@@ -3,12 +3,14 @@
 A tied node moves along one direction only: both of its components are one free unknown, weighted.  The
 prolongation P from free unknowns q to nodal vectors thus has one entry a row, and P^T L P q = P^T F leaves no
 force along the directions left free.
+
+The straight sides of a sector are mirror lines: v.n = 0 and no shear traction; nodes slide along them.
 """
 
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Indices
+from actin_xcheck.geometry import Indices, Symmetry
 from actin_xcheck.model import Array, Closure
 from fem.kernels import Pattern, bincount
 from fem.space import Space
@@ -20,7 +22,7 @@ def rim_directions(closure: Closure, space: Space, x: Array) -> Array:
     Parameters
     ----------
     closure : the reading; a `traction-free` rim moves freely, its three tied nodes take their rays.
-    space : on the reference disk.
+    space : on the reference disk, or on a sector, where the rim's ends keep to their sides instead.
     x : current node positions (2, N).
     """
     rim = space.rim_nodes
@@ -36,13 +38,32 @@ def rim_directions(closure: Closure, space: Space, x: Array) -> Array:
     return direction / np.hypot(*direction)
 
 
+def along_sides(closure: Closure, space: Space) -> tuple[Indices, Array]:
+    """The nodes (n,) on a sector's sides and how they may move: a unit direction each, or zero, (2, n).
+
+    A node on two mirror lines stays where it is.  So does a rim node on the wall of `irrotational-wall`, and
+    one of a free half disk, which could slide along its mirror line: the balance puts that motion back.
+    """
+    if space.symmetry is None:
+        return np.zeros(0, dtype=np.int64), np.zeros((2, 0))
+    first, second = space.symmetry.on_sides(space.xi)
+    still = first & second & (space.symmetry.mirrors > 1)
+    if closure is Closure.IRROTATIONAL_WALL:
+        still[space.rim_nodes[[0, -1]]] = True
+    elif closure is Closure.TRACTION_FREE and space.symmetry.mirrors == 1:
+        still[space.rim_nodes[0]] = True
+    nodes = np.flatnonzero(first | second)
+    along = space.symmetry.sides[:, np.where(first, 0, 1)]
+    return nodes, np.where(still, 0.0, along)[:, nodes]
+
+
 class Constraint:
     """The free unknowns of a closure and the reduced system in them; the pattern is fixed, weights move.
 
     Parameters
     ----------
     closure : which nodes are tied, and how.
-    space : on the reference disk.
+    space : on the reference disk or a sector.
     """
 
     def __init__(self, closure: Closure, space: Space) -> None:
@@ -51,29 +72,35 @@ class Constraint:
         self._which = np.arange(space.rim_nodes.size)
         if closure is Closure.TRACTION_FREE:
             # three rim points on their rays take the rigid motions out; the balance puts the right ones back
-            self._which = np.arange(3) * space.rim_nodes.size // 3
+            self._which = np.arange(3 if space.symmetry is None else 0) * space.rim_nodes.size // 3
         self.tied = space.rim_nodes[self._which]
+        self.on_sides, self._along = along_sides(closure, space)
         components = np.full(space.xi.shape[1], 2)
         components[self.tied] = 1
+        components[self.on_sides] = self._along.any(axis=0)
         first = np.cumsum(components) - components
-        self.unknown: Indices = np.stack([first, first + components - 1], axis=1).ravel()
+        size = int(components.sum())
+        # a node that stays has no unknown; it names one, with weight zero
+        unknowns = np.stack([first, first + np.maximum(components, 1) - 1], axis=1)
+        self.unknown: Indices = np.minimum(unknowns, size - 1).ravel()
         """The free unknown behind each component of a nodal vector, (2 N,)."""
         self.parts = np.repeat(space.parts, components)
         """The space's dissection of nodes, by free unknown, (n_free,)."""
-        self._full = space.vectors.pattern
-        self.pattern = Pattern(
-            self.unknown[self._full.rows], self.unknown[self._full.columns], int(components.sum())
-        )
+        full, moves = space.vectors.pattern, np.repeat(components > 0, 2)
+        self._kept = np.flatnonzero(moves[full.rows] & moves[full.columns])
+        self._rows, self._columns = full.rows[self._kept], full.columns[self._kept]
+        self.pattern = Pattern(self.unknown[self._rows], self.unknown[self._columns], size)
 
     def weights(self, x: Array) -> Array:
         """What each component takes of its free unknown, (2 N,)."""
         weights = np.ones((x.shape[1], 2))
         weights[self.tied] = rim_directions(self.closure, self.space, x)[:, self._which].T
+        weights[self.on_sides] = self._along.T
         return weights.ravel()
 
     def reduce(self, weights: Array, matrix: sp.csr_matrix) -> sp.csr_matrix:
         """P^T L P (n_free, n_free) of a matrix L (2 N, 2 N) summed by the space's own pattern."""
-        return self.pattern.sum(matrix.data * weights[self._full.rows] * weights[self._full.columns])
+        return self.pattern.sum(matrix.data[self._kept] * weights[self._rows] * weights[self._columns])
 
     def restrict(self, weights: Array, load: Array) -> Array:
         """P^T F (n_free,) of a load F (2 N,)."""
@@ -95,6 +122,14 @@ def settle(closure: Closure, space: Space, x: Array) -> Array:
     settled = x.copy()
     settled[:, rim] *= np.hypot(*space.xi[:, rim]) / np.hypot(*x[:, rim])
     return settled
+
+
+def free_motions(symmetry: Symmetry | None) -> Array:
+    """The rigid motions that mirror lines allow, by columns of translations and rotation (3, 3, 1 or 0)."""
+    if symmetry is None:
+        return np.eye(3)
+    along = symmetry.sides[:, :1] if symmetry.mirrors == 1 else np.zeros((2, 0))
+    return np.vstack([along, np.zeros(along.shape[1])])
 
 
 def rigid_motions(x: Array, centre: Array) -> Array:

@@ -1,19 +1,23 @@
 """The force balance (B.21) as a Mechanics: it takes a concentration and moves the nodes."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
 
 from actin_xcheck.geometry import Mesh
-from actin_xcheck.linear import SymmetricSolver
+from actin_xcheck.linear import Preconditioner, SymmetricSolver
 from actin_xcheck.model import Array, Closure, Model, Rheology
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 from actin_xcheck.solver import Move
-from fem.boundary import Constraint, rigid_motions, settle
+from fem.anchor import Anchor
+from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.mesh import Bases, separate
 from fem.space import Space
+from fem.straight import Network
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,12 @@ class ForceBalance:
         self.space = Space.on(mesh, order, model.parameters.l0)
         self.delta = model.delta_on_cells(mesh.centroids)
         self.constraint = Constraint(model.closure, self.space)
+        # friction on a wall couples rim nodes beyond what the cells' gradients do
+        by_edges = order == 1 and model.closure is not Closure.IRROTATIONAL_WALL
+        self._network = Network(self.space) if by_edges else None
         free = self.constraint.pattern
         self._solver = SymmetricSolver(free.rows, free.columns, self.constraint.parts)
+        self._anchor = Anchor(self.space.xi)
 
     @cached_property
     def bases(self) -> Bases:
@@ -61,6 +69,12 @@ class ForceBalance:
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
         return self.settle(x)
+
+    def near(self, anchor: Anchor) -> Self:
+        """Return the same, its systems preconditioned at an anchor instead of on the reference disk."""
+        other = copy(self)
+        other._anchor = anchor
+        return other
 
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the nodes from x (2, N) at t by one step of (B.23a) under corner values (3, n_cells)."""
@@ -96,11 +110,17 @@ class ForceBalance:
         gauge = self._balanced(x, system.load)
         constraint, weights = self.constraint, self.constraint.weights(x)
         reduced = constraint.reduce(weights, system.matrix)
-        q, outcome = self._solver.solve(reduced, constraint.restrict(weights, gauge.load))
+        near = self._anchor.factor("force balance", lambda: self._factor(self._anchor.x))
+        q, outcome = self._solver.solve(reduced, constraint.restrict(weights, gauge.load), near)
         v = weights * q[constraint.unknown]
         if self.model.closure is Closure.TRACTION_FREE:
             v = self._without_rigid_motion(x, v)
         return separate(v), gauge, outcome
+
+    def _factor(self, x: Array) -> Preconditioner | None:
+        """Of A at x (2, N); dt B is small beside it."""
+        matrix = self.assemble(x, np.ones(self.space.cells.shape), 0.0).matrix
+        return self._solver.preconditioner(self.constraint.reduce(self.constraint.weights(x), matrix))
 
     def assemble(self, x: Array, corners: Array, dt: float) -> _System:
         """Return A + dt B, F - B u and the dilation on the configuration x, unconstrained."""
@@ -111,18 +131,23 @@ class ForceBalance:
         """Return the same for concentrations at the points of the cells (q, e) and of the rim."""
         model, space, u = self.model, self.space, self.displacement(x)
         (mu1, mu2), (one, nu_prime) = model.viscous_moduli(), model.elastic_moduli()
-        entries = space.gradients.at(x).isotropic((mu1 + dt * one, mu2 + dt * nu_prime))
+        moduli = (mu1 + dt * one, mu2 + dt * nu_prime)
         inside, rim = space.inside.at(x), space.on_rim.at(x)
         strain, dilation = inside.strain(u)
         f = model.active_stress(a, dilation, self.delta)
         load = space.vectors.vector(-inside.stress_load(f + nu_prime * dilation, one * strain))
         _, rim_dilation = rim.strain(u)
         rim_load = rim.normal_load(model.active_stress(a_rim, rim_dilation, model.delta_on_rim()))
+        friction = None
         if model.closure is Closure.IRROTATIONAL_WALL:
             friction = rim.friction()
-            entries[..., space.rim_cells] += (mu1 + dt * one) * friction  # no cell has two rim edges
             rim_load -= one * np.einsum("aibje,jbe->aie", friction, u[:, space.on_rim.cells])
         load += space.rim_vectors.vector(rim_load)
+        if self._network is not None:
+            return _System(self._network.matrix(inside, moduli), load, dilation.min(axis=0))
+        entries = space.gradients.at(x).isotropic(moduli)
+        if friction is not None:
+            entries[..., space.rim_cells] += moduli[0] * friction  # no cell has two rim edges
         return _System(space.vectors.matrix(entries), load, dilation.min(axis=0))
 
     def _balanced(self, x: Array, load: Array) -> _Gauge:
@@ -132,7 +157,8 @@ class ForceBalance:
         rigid, weighted = self.rigid(x)
         net = rigid.T @ load
         multipliers = np.linalg.solve(rigid.T @ weighted, net)
-        return _Gauge(load - weighted @ multipliers, (float(net[0]), float(net[1])), float(net[2]))
+        force_x, force_y, torque = (free_motions(self.space.symmetry) @ net).tolist()
+        return _Gauge(load - weighted @ multipliers, (force_x, force_y), torque)
 
     def _without_rigid_motion(self, x: Array, v: Array) -> Array:
         """Remove the area-weighted mean translation and rotation of v (2N,)."""
@@ -140,10 +166,10 @@ class ForceBalance:
         return v - rigid @ np.linalg.solve(rigid.T @ weighted, weighted.T @ v)
 
     def rigid(self, x: Array) -> tuple[Array, Array]:
-        """Rigid motions and their area-weighted images M r, both (2N, 3)."""
+        """Rigid motions and their area-weighted images M r, both (2N, 3); fewer on a sector."""
         mass = self.space.scalars.matrix(self.space.inside.at(x).mass())
         weights = mass @ np.ones(x.shape[1])
-        rigid = rigid_motions(x, x @ weights / weights.sum())
+        rigid = rigid_motions(x, x @ weights / weights.sum()) @ free_motions(self.space.symmetry)
         return rigid, sp.kron(mass, sp.identity(2), format="csr") @ rigid
 
     def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:

@@ -11,30 +11,38 @@ stage adds k (|Omega| - total) and its source to it with a mass matrix of its ow
 to round-off whatever the mesh does.
 """
 
+from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
 
 from actin_xcheck.geometry import Mesh
-from actin_xcheck.linear import SymmetricSolver
 from actin_xcheck.model import Array
 from actin_xcheck.motion import PrescribedMotion
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Mechanics, Move, Probes, Problem, State
+from actin_xcheck.solver import Frame, Grid, Mechanics, Move, Probes, Problem, State, straight_frame
+from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
-from fem.measures import locate, measure, orientation
+from fem.frames import Lattice
+from fem.measures import cell_means, locate, measure, orientation
 from fem.space import Space
 from fem.tableaux import TABLEAUX
+from fem.transport import TransportSolver
 
 
 @dataclass(frozen=True)
 class ImexState(State):
-    """A `State` with nodal values `a` (N,), the mass matrix of its configuration and P = M a, (N,)."""
+    """A `State` with nodal values `a` (N,), the mass matrix of its configuration and P = M a, (N,).
+
+    `anchor` is where the next step's systems are preconditioned, as in `FemState`.
+    """
 
     mass: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
     content: Array = field(default_factory=lambda: np.zeros(0))
+    anchor: Anchor | None = None
 
 
 @dataclass(frozen=True)
@@ -66,20 +74,38 @@ class FemImex:
             self.space = Space.on(mesh, space, problem.model.parameters.l0)
         if isinstance(mechanics, PrescribedMotion):
             self.mechanics = replace(mechanics, xi=self.space.xi)
-        pattern = self.space.scalars.pattern
-        self._solver = SymmetricSolver(pattern.rows, pattern.columns, self.space.parts)
+        self._lattice = Lattice(self.space, mesh.triangles)
+        self._solver = TransportSolver(self.space)
+        self._anchor: Anchor | None = None
 
     def init(self) -> ImexState:
         """Interpolate the initial data at the nodes."""
         xi = self.space.xi
         x, a = self.mechanics.start(xi + self.problem.u0(xi)), self.problem.a0(xi)
         mass = self._mass(x)
-        move = self.mechanics.flow(0.0, x, a[self.space.cells])
-        return ImexState(0.0, x, a, move.v, mass=mass, content=mass @ a)
+        anchor = Anchor(x)
+        move = self._near(anchor).mechanics.flow(0.0, x, a[self.space.cells])
+        return ImexState(0.0, x, a, move.v, mass=mass, content=mass @ a, anchor=anchor)
 
     def corners(self, state: State) -> Array:
         """Values (3, n_cells) at the corners of the cells."""
         return state.a[self.mesh.triangles]
+
+    @property
+    def grid(self) -> Grid:
+        """The cells with equispaced nodes."""
+        return self._lattice.grid
+
+    def frame(self, state: State) -> Frame:
+        """The same polynomials by their values at the grid's nodes."""
+        if self.space.order == 1:
+            return straight_frame(self.mesh, state, self.corners(state))
+        x, v, a = (self._lattice.moved(nodal) for nodal in (state.x, state.v, state.a))
+        return Frame(x, v, a, cell_means(self.space, state.x, state.a))
+
+    def check(self, state: State) -> Outcome:
+        """The orientation of the cells, at all quadrature points."""
+        return orientation(self.space, state.t, state.x)
 
     def measure(self, state: State) -> Measures:
         """Integrals over the curved cell."""
@@ -97,6 +123,8 @@ class FemImex:
     def step(self, state: State, dt: float) -> tuple[ImexState, Outcome]:
         """One step of the pair; its embedded solution gives `local_error`."""
         assert isinstance(state, ImexState)
+        if state.anchor is not self._anchor:
+            return self._near(state.anchor).step(state, dt)
         pair, stages = self.tableau, [self._first(state)]
         for i in range(1, len(pair.c)):
             if not (outcome := stages[-1].move.outcome).ok:
@@ -110,6 +138,14 @@ class FemImex:
                 return state, outcome
             stages.append(self._stage(t, dt * pair.gamma, x, content))
         return self._combined(state, dt, stages)
+
+    def _near(self, anchor: Anchor | None) -> Self:
+        """Return the same, its systems preconditioned at an anchor."""
+        other = copy(self)
+        other._anchor = anchor
+        if anchor is not None and isinstance(self.mechanics, ForceBalance):
+            other.mechanics = self.mechanics.near(anchor)
+        return other
 
     def _first(self, state: ImexState) -> _Stage:
         """The stage at the old state: explicit in both."""
@@ -126,7 +162,7 @@ class FemImex:
         stiffness = space.scalars.matrix(space.gradients.at(x).stiffness())
         left = space.scalars.pattern.matrix((1 + dt * k) * mass.data + dt * d * stiffness.data)
         gain = self._gain(t, x)
-        a, outcome = self._solver.solve(left, content + dt * gain)
+        a, outcome = self._solver.solve(left, content + dt * gain, dt * d / (1 + dt * k), self._anchor)
         new = mass @ a
         move = self.mechanics.flow(t, x, a[space.cells]) if outcome.ok else Move(x, np.zeros_like(x), outcome)
         return _Stage(move, (new - content) / dt, float(gain.sum() - k * new.sum()))
@@ -142,16 +178,19 @@ class FemImex:
         if not (outcome := orientation(self.space, old.t + dt, x)).ok:
             return old, outcome
         mass = self._mass(x)
-        a, outcome = self._solver.solve(mass, content)
+        a, outcome = self._solver.solve(mass, content, 0.0, self._anchor)
         content, before = mass @ a, old.content.sum()
         gained = dt * sum(w * stage.gain for w, stage in zip(pair.b, stages, strict=True))
         wrong = pair.b - pair.b_embedded
         moved = dt * np.abs(np.tensordot(wrong, velocities, 1)).max()
         # the mass matrix's diagonal stands for it: same norm but for a factor that no mesh changes
         spread = dt * np.sqrt(((wrong @ rates) ** 2 / mass.diagonal()).sum() / (a @ content))
+        anchor = self._anchor
+        if anchor is None or anchor.worn(self.space.cells[:3], old.x, x, len(stages)):
+            anchor = Anchor(x)
         new = ImexState(
             old.t + dt, x, a, last.v, (content.sum() - before - gained) / content.sum(),
-            last.net_force, last.net_torque, float(max(moved, spread)), mass, content,
+            last.net_force, last.net_torque, float(max(moved, spread)), mass, content, anchor,
         )  # fmt: skip
         return new, outcome
 

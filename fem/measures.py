@@ -7,16 +7,36 @@ from actin_xcheck.model import Array
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 from fem.element import lagrange
+from fem.kernels import Rule
 from fem.space import Space
 
 
 def measure(space: Space, x: Array, a: Array) -> Measures:
-    """Integrals over the cell with nodes x (2, N) and concentrations a (N,), and its rim nodes."""
-    sample = space.inside.at(x)
-    place, density = (space.inside.blend(nodal[..., space.cells]) for nodal in (x, a))
-    area = float(sample.dx.sum())
-    centroid = (place * sample.dx).sum(axis=(1, 2)) / area
-    return Measures(area, float((density * sample.dx).sum()), centroid, x[:, space.rim_nodes])
+    """Integrals over the cell with nodes x (2, N) and concentrations a (N,), and its rim nodes.
+
+    The smallest det dx/dxi is that at quadrature points.
+    """
+    rule = space.inside
+    now, before = (_determinant(rule, nodes) for nodes in (x, space.xi))
+    dx = rule.weights * now
+    place, density = (rule.blend(nodal[..., space.cells]) for nodal in (x, a))
+    area = float(dx.sum())
+    centroid = (place * dx).sum(axis=(1, 2)) / area
+    total, stretch = float((density * dx).sum()), float((now / before).min())
+    return Measures(area, total, centroid, x[:, space.rim_nodes], stretch)
+
+
+def cell_means(space: Space, x: Array, a: Array) -> Array:
+    """Means (n_cells,) of concentrations a (N,) over the cells with nodes x (2, N), integrated exactly."""
+    rule = space.rule(3 * space.order - 2)
+    dx = rule.weights * _determinant(rule, x)
+    return (rule.blend(a[space.cells]) * dx).sum(axis=0) / dx.sum(axis=0)
+
+
+def _determinant(rule: Rule, x: Array) -> Array:
+    """Determinant (q or 1, n_cells) of the map of the reference triangle to the configuration x (2, N)."""
+    (x_r, x_s), (y_r, y_s) = rule.tangent_map(x)
+    return x_r * y_s - x_s * y_r
 
 
 def orientation(space: Space, t: float, x: Array) -> Outcome:
@@ -36,31 +56,35 @@ def orientation(space: Space, t: float, x: Array) -> Outcome:
 
 
 def locate(space: Space, points: Array) -> tuple[Indices, Array]:
-    """Find material points (2, k): their cells (k,) and the values of the cell's basis there (n_local, k)."""
-    found = [_in_some_cell(space, point) for point in points.T]
-    cells = np.array([cell for cell, _ in found], dtype=np.int64)
-    return cells, np.array([values for _, values in found]).reshape(-1, len(space.cells)).T
+    """Find material points (2, k): their cells (k,) and the values of the cell's basis there (n_local, k).
 
-
-def _in_some_cell(space: Space, point: Array) -> tuple[int, Array]:
-    """The cell whose map reaches a point (2,) from nearest to its inside, and the basis there (n_local,)."""
+    Of the cells around a point the one whose map reaches it from nearest to its inside.
+    """
     nodes = space.xi[:, space.cells]
-    size = np.ptp(nodes, axis=1)
-    near = np.abs(nodes.mean(axis=1) - point[:, None]) < size  # its box, doubled
-    candidates = np.flatnonzero(near.all(axis=0))
-    tried = [_inverted(space, nodes[:, :, cell], point) for cell in candidates]
-    cell = int(np.argmin([outside for outside, _ in tried]))
-    return int(candidates[cell]), lagrange(space.order).tabulate(tried[cell][1][:, None])[0][:, 0]
+    size = np.ptp(nodes, axis=1)[:, None]
+    near = np.abs(nodes.mean(axis=1)[:, None] - points[:, :, None]) < size  # its box, doubled
+    point, cell = np.nonzero(near.all(axis=0))
+    r, outside = _inverted(space, nodes[:, :, cell], points[:, point])
+    order = np.lexsort((outside, point))
+    best = order[np.searchsorted(point[order], np.arange(points.shape[1]))]
+    return cell[best], lagrange(space.order).tabulate(r[:, best])[0]
 
 
-def _inverted(space: Space, nodes: Array, point: Array) -> tuple[float, Array]:
-    """Newton's method for the reference point (2,) that a cell with nodes (2, n_local) maps to `point`."""
-    element, r = lagrange(space.order), np.full(2, 1 / 3)
+def _inverted(space: Space, nodes: Array, points: Array) -> tuple[Array, Array]:
+    """Newton's method for the reference points (2, q) that cells with nodes (2, n_local, q) map to `points`.
+
+    Also how far outside of the reference triangle each one lies, (q,): infinitely where none was found.
+    """
+    element, r = lagrange(space.order), np.full_like(points, 1 / 3)
     for _ in range(30):
-        values, slopes = element.tabulate(r[:, None])
-        step = np.linalg.solve(nodes @ slopes[..., 0], point - nodes @ values[:, 0])
-        r = r + step
-        if not np.abs(step).max() > 1e-14:
-            break
-    outside = max(-r[0], -r[1], r[0] + r[1] - 1, 0.0)
-    return (outside if np.isfinite(outside) else np.inf), r
+        values, slopes = element.tabulate(r)
+        left = points - np.einsum("iaq,aq->iq", nodes, values)
+        slopes = np.broadcast_to(slopes, (*slopes.shape[:2], r.shape[1]))
+        (a, b), (c, d) = np.einsum("iaq,ajq->ijq", nodes, slopes)
+        determinant = a * d - b * c
+        steps = np.array([d * left[0] - b * left[1], a * left[1] - c * left[0]])
+        # a point of the cell has coordinates in [0, 1]: nothing is lost, and nothing runs away
+        r = np.clip(r + steps / np.where(determinant == 0, 1.0, determinant), -1, 2)
+    outside = np.maximum(np.maximum(-r, 0).max(axis=0), r.sum(axis=0) - 1)
+    missed = np.hypot(*(points - np.einsum("iaq,aq->iq", nodes, element.tabulate(r)[0]))) > 1e-10
+    return r, np.where(missed, np.inf, outside)

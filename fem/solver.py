@@ -5,21 +5,30 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Mesh, integral, orientation
-from actin_xcheck.linear import SymmetricSolver
+from actin_xcheck.geometry import Mesh, orientation, signed_areas
 from actin_xcheck.model import Array
-from actin_xcheck.observables import area, balance_residual
+from actin_xcheck.observables import balance_residual
 from actin_xcheck.result import Outcome
 from actin_xcheck.solver import Mechanics, Polygonal, Problem, State
+from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.space import Space
+from fem.transport import TransportSolver
 
 
 @dataclass(frozen=True)
 class FemState(State):
-    """A `State` with nodal concentrations `a` (N,) and the mass matrix of its configuration."""
+    """A `State` with nodal concentrations `a` (N,).
+
+    Attributes
+    ----------
+    mass : the mass matrix of its configuration.
+    anchor : where the next step's systems are preconditioned; None on the reference disk.  To go on from a
+        state its positions are needed too, the factors and the mass matrix follow.
+    """
 
     mass: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
+    anchor: Anchor | None = None
 
 
 class FemP1Paper(Polygonal):
@@ -40,15 +49,15 @@ class FemP1Paper(Polygonal):
             self.space = mechanics.space
         else:
             self.space = Space.on(mesh, 1, problem.model.parameters.l0)
-        pattern = self.space.scalars.pattern
-        self._solver = SymmetricSolver(pattern.rows, pattern.columns, self.space.parts)
+        self._solver = TransportSolver(self.space)
 
     def init(self) -> FemState:
         """Interpolate the initial data on the mesh (B.5.1)."""
         x = self.mechanics.start(self.mesh.xi + self.problem.u0(self.mesh.xi))
         a = self.problem.a0(self.mesh.xi)
-        v = self.mechanics.velocity(0.0, x, a[self.mesh.triangles])
-        return FemState(0.0, x, a, v, mass=self._mass(x))
+        anchor = Anchor(x)
+        v = self._near(anchor).velocity(0.0, x, a[self.mesh.triangles])
+        return FemState(0.0, x, a, v, mass=self._mass(x), anchor=anchor)
 
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the continuous P1 field."""
@@ -57,32 +66,42 @@ class FemP1Paper(Polygonal):
     def step(self, state: State, dt: float) -> tuple[FemState, Outcome]:
         """One step of (B.23); every matrix is assembled on the configuration the equation names."""
         assert isinstance(state, FemState)
-        move = self.mechanics.advance(state.t, dt, state.x, self.corners(state))
+        move = self._near(state.anchor).advance(state.t, dt, state.x, self.corners(state))
         new = FemState(
             state.t + dt, move.x, state.a, move.v, 0.0, move.net_force, move.net_torque, mass=state.mass
         )
         outcome = move.outcome if not move.outcome.ok else orientation(self.mesh, new.t, move.x)
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
 
+    def _near(self, anchor: Anchor | None) -> Mechanics:
+        """The mechanics, its systems preconditioned at an anchor."""
+        if anchor is None or not isinstance(self.mechanics, ForceBalance):
+            return self.mechanics
+        return self.mechanics.near(anchor)
+
     def _transport(self, old: FemState, new: FemState, dt: float) -> tuple[FemState, Outcome]:
         """((1 + dt) M + dt d K)(t+dt) a = M(t) (a + dt) (B.23b), plus dt times the source at t + dt."""
         rate, d = self.problem.model.reaction_rate(), self.problem.model.parameters.d
-        space, mass = self.space, self._mass(new.x)
+        space, mass, moved = self.space, self._mass(new.x), self.space.inside.at(new.x)
         source = self._source(new.t, new.x)
         rhs = old.mass @ (old.a + dt * rate) + dt * source
-        stiffness = space.scalars.matrix(space.gradients.at(new.x).stiffness())
+        stiffness = space.scalars.matrix(moved.stiffness())
         left = space.scalars.pattern.matrix((1 + dt * rate) * mass.data + dt * d * stiffness.data)
-        a, outcome = self._solver.solve(left, rhs)
+        a, outcome = self._solver.solve(left, rhs, dt * d / (1 + dt * rate), old.anchor)
         triangles = self.mesh.triangles
+        before, after = signed_areas(old.x, triangles), moved.dx.sum(axis=0)
         residual = balance_residual(
             dt,
             rate,
-            integral(old.x, triangles, old.a[triangles]),
-            integral(new.x, triangles, a[triangles]),
-            area(old.x, triangles),
+            float(before @ old.a[triangles].mean(axis=0)),
+            float(after @ a[triangles].mean(axis=0)),
+            float(before.sum()),
             float(source.sum()),
         )
-        return replace(new, a=a, mass=mass, balance_residual=residual), outcome
+        anchor = old.anchor
+        if anchor is None or anchor.worn(triangles, old.x, new.x):
+            anchor = Anchor(new.x)
+        return replace(new, a=a, mass=mass, balance_residual=residual, anchor=anchor), outcome
 
     def _mass(self, x: Array) -> sp.csr_matrix:
         return self.space.scalars.matrix(self.space.inside.at(x).mass())

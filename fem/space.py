@@ -1,4 +1,4 @@
-"""Isoparametric P_k elements on the reference disk: nodes, cells, rim and the rules that integrate there."""
+"""Isoparametric P_k elements on a reference mesh: nodes, cells, rim and the rules that integrate there."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,7 +8,7 @@ import numpy as np
 from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
-from actin_xcheck.geometry import Indices, Mesh, signed_areas
+from actin_xcheck.geometry import Indices, Mesh, Symmetry, signed_areas
 from actin_xcheck.linear import nested_dissection
 from actin_xcheck.model import Array
 from fem.element import UNIFORM, lagrange
@@ -23,7 +23,7 @@ SIDES = list(permutations(range(3), 2))
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """P_k on a disk of `geometry.disk`; node positions x (2, N) are themselves a P_k field.
+    """P_k on a mesh of `geometry.disk` or `sector`; node positions x (2, N) are themselves a P_k field.
 
     Nodes on layers from the ring outwards are on true circles; inner cells fade to straight ones.
 
@@ -34,6 +34,7 @@ class Space:
     cells : nodes of each cell, its vertices first, (n_local, n_cells).
     orientation : -1 where a cell's vertices run clockwise, else 1, (n_cells,).
     rim : the mesh's rim edges, counter-clockwise, (2, n_rim).
+    symmetry : the mesh's, of a sector.
     """
 
     order: int
@@ -41,6 +42,7 @@ class Space:
     cells: Indices
     orientation: Array
     rim: Indices
+    symmetry: Symmetry | None = None
 
     @classmethod
     def on(cls, mesh: Mesh, order: int, ring: float) -> "Space":
@@ -52,7 +54,8 @@ class Space:
         xi = np.empty((2, cells.max() + 1))
         xi[:, cells] = _curved(mesh, triangles, ring, order)
         xi[:, : mesh.xi.shape[1]] = mesh.xi
-        return cls(order, xi, cells, np.sign(signed_areas(mesh.xi, triangles)), mesh.rim)
+        orientation = np.sign(signed_areas(mesh.xi, triangles))
+        return cls(order, xi, cells, orientation, mesh.rim, mesh.symmetry)
 
     @cached_property
     def inside(self) -> Rule:
@@ -87,12 +90,13 @@ class Space:
 
     @cached_property
     def rim_nodes(self) -> Indices:
-        """Nodes on the rim in counter-clockwise order, (k n_rim,)."""
+        """Nodes on the rim in counter-clockwise order: (k n_rim,) on a disk, one more on a sector."""
         start, end = self._rim_sides
         nodes = lagrange(self.order).nodes
         along, on_edge = nodes[end], np.isclose(nodes[start] + nodes[end], 1)
         local = np.argsort(np.where(on_edge, along, np.inf), axis=1)[:, : self.order]
-        return self.cells[local, self.rim_cells[:, None]].ravel()
+        starts = self.cells[local, self.rim_cells[:, None]].ravel()
+        return starts if self.symmetry is None else np.append(starts, self.rim[1, -1])
 
     @cached_property
     def scalars(self) -> Scatter:

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
 from actin_xcheck import linear
+from actin_xcheck.counters import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.model import Array
 from actin_xcheck.result import COMPLETED, Outcome
 
@@ -66,6 +67,7 @@ def factorise(matrix: sp.csr_matrix) -> Inverse | None:
         )
     except RuntimeError:
         return None
+    WORK[FACTORISATIONS] += 1
     solve: Inverse = factor.solve
     return solve
 
@@ -86,6 +88,7 @@ def solve(operator: Operator, rhs: Array, guess: Array, inverse: Inverse | None)
     scale = float(np.linalg.norm(rhs))
     if inverse is None or not np.isfinite(scale) or scale == 0.0:
         return linear.solve(operator.matrix(), rhs)
+    WORK[SOLVES] += 1
     shape = operator.two_point.shape
     a, _ = spl.bicgstab(
         spl.LinearOperator(shape, operator, dtype=np.float64),

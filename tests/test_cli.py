@@ -156,7 +156,9 @@ def test_compare_writes_one_folder_and_report_makes_the_page_again(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "claims hold; report: c/index.html" in done.stdout
     names = {"comparison.h5", "index.html"} | {
-        f"growing-disk--{m}.vtkhdf" for m in ("fem-p1-paper", "fv-coupled")
+        f"growing-disk--{m}{coarser}.vtkhdf"
+        for m in ("fem-p1-paper", "fv-coupled")
+        for coarser in ("", "--coarser-1", "--coarser-2")
     }
     assert {path.name for path in (tmp_path / "c").iterdir()} == names
     page = (tmp_path / "c/index.html").read_bytes()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk
+from actin_xcheck.geometry import Symmetry, disk, sector
 from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.observables import area, centroid
 from actin_xcheck.parameters import Parameters
@@ -142,3 +142,61 @@ def test_a_uniform_contraction_to_two_thirds_is_singular():
     outcome = balance.advance(0.5, 0.01, 0.66 * MESH.xi, ones).outcome
     assert outcome.ending == "singular_dilation"
     assert "t = 0.5" in outcome.message
+
+
+HALF, QUARTER, SIXTH = (Symmetry(mirrors, 0.3) for mirrors in (1, 2, 3))
+SECTORS = pytest.mark.parametrize("symmetry", [HALF, QUARTER, SIXTH], ids=["half", "quarter", "sixth"])
+
+
+@SECTORS
+@pytest.mark.parametrize("closure", list(Closure))
+def test_nodes_on_a_sectors_sides_slide_along_them(symmetry, closure):
+    mesh = sector(3, 0.8, symmetry)
+    balance = ForceBalance(Model(Parameters(62.4, 0.26), closure=closure), mesh, 2)
+    xi = balance.space.xi
+    lopsided = 1 + 0.2 * xi[0] + 0.1 * xi[1] ** 2
+    v = balance.velocity(0, xi, lopsided[balance.space.cells])
+    tip = np.hypot(*xi) < 1e-12
+    for side, on in zip(symmetry.sides.T, symmetry.on_sides(xi), strict=True):
+        assert on.sum() == 17
+        assert np.abs(side[0] * v[1, on] - side[1] * v[0, on]).max() < 1e-14
+        assert np.abs(side @ v[:, on & ~tip]).max() > 1e-3
+    inner = ~symmetry.on_sides(xi).any(axis=0)
+    across = symmetry.sides[0, 0] * v[1, inner] - symmetry.sides[1, 0] * v[0, inner]
+    assert np.abs(across).max() > 1e-3
+    assert (np.abs(v[:, tip]).max() == 0) == (symmetry is not HALF)
+    if closure is Closure.IRROTATIONAL_WALL:
+        assert np.abs(v[:, balance.space.rim_nodes[[0, -1]]]).max() == 0
+
+
+@SECTORS
+@pytest.mark.parametrize("closure", list(Closure))
+def test_a_sectors_system_is_definite_and_that_of_its_free_unknowns(symmetry, closure):
+    """No rigid motion is left, and a node that stays has no row."""
+    balance = ForceBalance(Model(Parameters(62.4, 0.26), closure=closure), sector(2, 0.8, symmetry), 3)
+    constraint, x = balance.constraint, balance.space.xi * np.array([[1.05], [1.05]])
+    a = 1 + 0.2 * balance.space.xi[0]
+    system, weights = balance.assemble(x, a[balance.space.cells], 0.01), constraint.weights(x)
+    P, reduced = constraint.prolongation(x), constraint.reduce(weights, system.matrix).toarray()
+    scale = np.abs(reduced).max()
+    assert np.abs(reduced - P.T @ system.matrix @ P).max() < 1e-13 * scale
+    assert constraint.restrict(weights, system.load) == pytest.approx(P.T @ system.load, abs=1e-13 * scale)
+    assert np.linalg.eigvalsh(reduced).min() > 1e-3
+    assert constraint.parts.shape == (len(reduced),)
+
+
+def test_a_free_half_carries_half_the_load_along_its_mirror_line():
+    """The one rigid motion that is left to a half; a quarter has none and no load to balance."""
+    along = 0.2 * (MESH.xi[0] * np.cos(0.3) + MESH.xi[1] * np.sin(0.3))
+    whole = force_balance(Closure.TRACTION_FREE).flow(0, MESH.xi, (1 + along)[MESH.triangles])
+    for symmetry, share in ((HALF, 0.5), (QUARTER, 0.0)):
+        mesh = sector(4, 0.8, symmetry)
+        a = 1 + 0.2 * symmetry.sides[:, 0] @ mesh.xi
+        balance = ForceBalance(Model(Parameters(62.4, 0.26), closure=Closure.TRACTION_FREE), mesh)
+        move = balance.flow(0, mesh.xi, a[mesh.triangles])
+        # the meshes are turned against each other by 0.3
+        assert move.net_force == pytest.approx(share * np.array(whole.net_force), rel=0.01)
+        assert move.net_torque == 0
+        rigid, weighted = balance.rigid(mesh.xi)
+        assert rigid.shape[1] == 2 * share
+        assert np.abs(weighted.T @ interleave(move.v)).max(initial=0) < 1e-12

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.geometry import disk, integral
+from actin_xcheck.lagrange import areas
 from actin_xcheck.linear import TOLERANCE, solve
 from actin_xcheck.registry import METHODS
 from actin_xcheck.result import Ending, Outcome
@@ -65,6 +66,48 @@ def test_the_initial_state_is_the_scenes(method):
     assert np.abs(solver.corners(state) - exact).max() < 0.005
 
 
+@EVERY
+def test_a_frame_is_the_state_and_its_grid_the_cells(method):
+    """Corners, positions, areas and total actin of a frame are those of the state, curved cells included."""
+    solver = bind(scene_of("psi = 300\np = 0.26", a="1 + 0.2*x*y"), METHODS[method], 2, 0.02)
+    mesh, grid, start = solver.mesh, solver.grid, solver.init()
+    assert np.array_equal(grid.cells[:3], mesh.triangles)
+    assert np.array_equal(grid.xi[:, : mesh.xi.shape[1]], mesh.xi)
+    assert len(grid.cells) == (grid.order + 1) * (grid.order + 2) // 2
+    assert np.abs(solver.frame(start).x - grid.xi).max() < 1e-14
+    assert areas(grid.xi, grid.cells).min() > 0
+
+    state, _ = solver.step(start, 0.02)
+    frame, measured = solver.frame(state), solver.measure(state)
+    assert frame.x.shape == frame.v.shape == grid.xi.shape
+    assert np.array_equal(frame.x[:, : mesh.xi.shape[1]], state.x[:, : mesh.xi.shape[1]])
+    size = areas(frame.x, grid.cells)
+    assert size.sum() == pytest.approx(measured.area, rel=1e-13)
+    # the methods' own total is summed by a rule of degree 2 k, short of the cells' curvature
+    assert size @ frame.a_cells == pytest.approx(measured.total_actin, rel=1e-13 if grid.order < 3 else 1e-7)
+    assert 0.9 < measured.jacobian_min < 1.1
+
+
+@EVERY
+def test_a_configuration_that_has_turned_over_is_seen(method):
+    solver = bind(scene_of(), METHODS[method], 2, 0.02)
+    state = solver.init()
+    assert solver.check(state).ok
+    turned = dataclasses.replace(state, x=state.x[::-1])
+    assert solver.check(turned).ending is Ending.TANGLED
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_frames_of_curved_cells_are_the_same_polynomials(k):
+    """A field of degree k is what it is at the equispaced nodes too; around the centre cells are straight."""
+    scene = scene_of(a=f"1 + 0.1*x**{k} - 0.2*y*x**{k - 1}")
+    solver = bind(scene, METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 2, 1)
+    frame, grid = solver.frame(solver.init()), solver.grid
+    exact = 1 + 0.1 * grid.xi[0] ** k - 0.2 * grid.xi[1] * grid.xi[0] ** (k - 1)
+    inner = np.hypot(*grid.xi) < 0.3
+    assert np.abs(frame.a - exact)[inner].max() < (1e-15 if k < 3 else 1e-5)
+
+
 def test_steps_land_on_every_output_time():
     scene = load_scene("fig14-four-fronts")
     refine, dt = numerics(scene)
@@ -90,6 +133,9 @@ def test_a_rejected_step_ends_the_run_as_a_value():
 
         def corners(self, state):
             return np.ones(self.mesh.triangles.shape)
+
+        def check(self, state):
+            return Outcome()
 
     solver = Stumbling()
     film = Film(solver)

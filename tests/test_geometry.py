@@ -2,7 +2,16 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from actin_xcheck.geometry import disk, integral, locate, orientation, signed_areas
+from actin_xcheck.geometry import (
+    Symmetry,
+    disk,
+    integral,
+    locate,
+    orientation,
+    sector,
+    signed_areas,
+    unfold,
+)
 from actin_xcheck.result import Ending
 
 
@@ -98,3 +107,88 @@ def test_a_flipped_triangle_is_named():
     assert "t = 0.25" in outcome.message
     assert orientation(mesh, 0.0, mesh.xi).ok
     assert orientation(mesh, 0.0, mesh.xi * np.nan).ending is Ending.NON_FINITE
+
+
+HALF, QUARTER, SIXTH = Symmetry(1, 0.3), Symmetry(2, 0.3), Symmetry(3, 0.3)
+SECTORS = pytest.mark.parametrize("symmetry", [HALF, QUARTER, SIXTH], ids=["half", "quarter", "sixth"])
+
+
+@SECTORS
+def test_every_point_of_the_disk_comes_from_one_of_the_sector(symmetry):
+    rng = np.random.default_rng(2)
+    radius, angle = np.sqrt(rng.random(50)), symmetry.start + symmetry.angle * rng.random(50)
+    points = radius * np.array([np.cos(angle), np.sin(angle)])
+    for number, image in enumerate(symmetry.images):
+        assert np.linalg.det(image) == pytest.approx((-1) ** number, abs=1e-14)
+        originals, images = symmetry.fold(image @ points)
+        assert np.abs(originals - points).max() < 1e-14
+        assert (images == number).all()
+    # the mirror lines are still: neighbouring images share them
+    first, second = symmetry.sides.T
+    for number in range(2 * symmetry.mirrors):
+        shared = second if number % 2 == 0 else first
+        following = symmetry.images[(number + 1) % (2 * symmetry.mirrors)]
+        assert np.abs((symmetry.images[number] - following) @ shared).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("mirrors", "start", "rotation"),
+    [
+        (1, 0.3, 0.3),
+        (2, 0.3, 0.3),
+        (4, 0.3, 0.3),
+        (1, np.pi / 2, 0),
+        (4, np.pi / 4, 0),
+        (6, 0.3, 0.3 + np.pi),
+    ],
+)
+def test_a_half_and_a_quarter_are_parts_of_the_disk(mirrors, start, rotation):
+    """Node by node and cell by cell, where any of the mirror lines is an axis of the disk's."""
+    whole, part = disk(3, 0.8, rotation), sector(3, 0.8, Symmetry(mirrors, start), rotation)
+    node = np.hypot(*(part.xi[:, :, None] - whole.xi[:, None])).argmin(axis=1)
+    assert np.abs(whole.xi[:, node] - part.xi).max() < 2e-15
+    cells = {tuple(sorted(cell)) for cell in whole.triangles.T}
+    assert {tuple(sorted(cell)) for cell in node[part.triangles].T} <= cells
+    assert part.triangles.shape[1] == whole.triangles.shape[1] // (2 if mirrors == 1 else 4)
+    assert part.h == whole.h
+    if start == rotation:
+        assert np.array_equal(whole.xi[:, node], part.xi)
+
+
+def test_a_sector_off_the_axes_is_no_part_of_the_disk():
+    whole, part = disk(3, 0.8), sector(3, 0.8, QUARTER)
+    assert part.symmetry == QUARTER
+    assert np.hypot(*(part.xi[:, :, None] - whole.xi[:, None])).min(axis=1).max() > 0.01
+
+
+@SECTORS
+def test_a_sectors_boundary_is_its_arc_and_its_straight_sides(symmetry):
+    mesh = sector(3, 0.8, symmetry)
+    rim = mesh.rim_nodes
+    assert np.abs(np.hypot(*mesh.xi[:, rim]) - 1).max() < 1e-15
+    angle = np.unwrap(np.arctan2(*mesh.xi[::-1, rim])) - symmetry.start
+    assert angle == pytest.approx(np.linspace(0, symmetry.angle, rim.size), abs=1e-14)
+    assert np.array_equal(mesh.rim, [rim[:-1], rim[1:]])
+    assert mesh.sides.shape == (2, 16)
+    along = mesh.xi[:, mesh.sides[1]] - mesh.xi[:, mesh.sides[0]]
+    assert along.sum(axis=1) == pytest.approx(
+        symmetry.sides @ [1, -1], abs=1e-14
+    )  # out on one, in on the other
+    assert symmetry.on_sides(mesh.xi[:, mesh.sides.ravel()]).any(axis=0).all()
+    assert disk(3, 0.8).sides.shape == (2, 0)
+
+
+@SECTORS
+def test_the_images_of_a_sector_tile_a_disk(symmetry):
+    part = sector(3, 0.8, symmetry)
+    whole = unfold(part)
+    copies = 2 * symmetry.mirrors
+    areas = signed_areas(whole.xi, whole.triangles)
+    assert areas.min() > 0
+    assert areas.sum() == pytest.approx(copies * signed_areas(part.xi, part.triangles).sum(), rel=1e-14)
+    assert whole.rim_nodes.size == copies * (part.rim_nodes.size - 1)
+    layers = 8
+    assert (
+        whole.xi.shape[1] == 1 + whole.rim_nodes.size * (layers + 1) // 2
+    )  # every layer has j/8 of the rim's
+    assert np.isclose(np.hypot(*whole.xi), 0.8, atol=1e-14).sum() == whole.rim_nodes.size * 6 // layers

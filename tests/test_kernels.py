@@ -12,7 +12,7 @@ from skfem.mapping import MappingIsoparametric
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine
 
-from actin_xcheck.geometry import disk
+from actin_xcheck.geometry import Symmetry, disk, sector
 from actin_xcheck.linear import SymmetricSolver, solve
 from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import Parameters
@@ -146,6 +146,8 @@ def test_transport_matrices_and_sources_are_those_of_the_forms(k):
     assert same(space.scalars.matrix(space.inside.at(x).mass()), T.T @ forms.mass.assemble(plain.scalar) @ T)
     stiffness = space.scalars.matrix(space.gradients.at(x).stiffness())
     assert same(stiffness, T.T @ forms.stiffness.assemble(plain.scalar_gradients) @ T)
+    if k == 1:  # gradients are the same at all points: one rule serves both matrices
+        assert same(space.scalars.matrix(space.inside.at(x).stiffness()), stiffness)
     place = np.asarray(plain.scalar.global_coordinates())
     ours = space.inside.blend(x[:, space.cells])
     assert same(ours, place.swapaxes(1, 2))
@@ -250,6 +252,29 @@ def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
         angles = np.unwrap(np.arctan2(*space.xi[::-1, space.rim_nodes]))
         assert (np.diff(angles) > 0).all()
         assert angles[-1] - angles[0] < 2 * np.pi
+
+
+@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("mirrors", [1, 2])
+def test_a_sectors_curved_cells_are_those_of_the_disk(k, mirrors):
+    symmetry, refine = Symmetry(mirrors, 0.2), 3
+    part, whole = (
+        Space.on(mesh, k, L0) for mesh in (sector(refine, L0, symmetry, 0.2), disk(refine, L0, 0.2))
+    )
+    gaps = np.hypot(*(part.xi[:, :, None] - whole.xi[:, None]))
+    same_node = gaps.argmin(axis=1)
+    assert gaps.min(axis=1).max() < 2e-15
+    on_sides = symmetry.on_sides(part.xi)
+    assert on_sides.sum(axis=1).tolist() == [k * 2**refine + 1] * 2
+    assert whole.xi.shape[1] == 2 * mirrors * part.xi.shape[1] - mirrors * on_sides.sum() + 1
+    assert set(same_node[part.rim_nodes]) <= set(whole.rim_nodes)
+    angles = np.unwrap(np.arctan2(*part.xi[::-1, part.rim_nodes])) - symmetry.start
+    assert angles.size == k * part.rim.shape[1] + 1
+    assert (np.diff(angles) > 0).all()
+    assert angles[[0, -1]] == pytest.approx([0, symmetry.angle], abs=1e-14)
+    for rule in ("inside", "on_rim"):
+        portions = [getattr(space, rule).at(space.xi).dx.sum() for space in (part, whole)]
+        assert 2 * mirrors * portions[0] == pytest.approx(portions[1], rel=1e-14)
 
 
 @pytest.mark.parametrize("k", ORDERS)

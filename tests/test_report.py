@@ -20,9 +20,14 @@ import pytest
 from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
 from actin_xcheck.geometry import disk, signed_areas
+from actin_xcheck.registry import METHODS
 from actin_xcheck.report import write_report
+from actin_xcheck.report.film import film_strip
 from actin_xcheck.result import Ending, Outcome
-from actin_xcheck.store import RunWriter, write_comparison
+from actin_xcheck.runs import run
+from actin_xcheck.scene import load_scene
+from actin_xcheck.solver import Frame
+from actin_xcheck.store import RunWriter, read_run, write_comparison
 
 SCRIPT = "<script>console.error('injected')<"  # no slash: it is part of an HDF5 path
 TIMES = (0.0, 0.05, 0.1, 0.13, 0.1636)
@@ -81,7 +86,7 @@ def write_run(
             writer.record(row | ({"mode_amplitude": 1e-6 * np.exp(16 * t)} if growth else {}))
         for t in times:
             x, a = cell(t)
-            writer.frame(t, x, a, a[mesh.triangles].mean(axis=0), x - mesh.xi, mesh.xi)
+            writer.frame(t, Frame(x, mesh.xi, a, a[mesh.triangles].mean(axis=0)))
         writer.finish(outcome or Outcome(), wall_seconds=12.3)
 
 
@@ -172,6 +177,24 @@ def test_rows_are_fem_then_fv_then_their_differences(reported: tuple[Path, list[
     assert rows[:3] == ["a of fem-p1-paper", "a of fv-coupled", "fv-coupled − fem-p1-paper"]
     last = next(alt for alt in alts if alt.startswith("fv-coupled −") and "t = 0.1636" in alt)
     assert float(last.rsplit(" ", 1)[1]) == pytest.approx(0.02 * 0.1636, rel=0.05)  # the bias put in
+
+
+def test_curved_cells_are_drawn_in_pieces_and_compared_by_their_means(tmp_path: Path) -> None:
+    scene = load_scene("fig14-four-fronts")
+    runs = []
+    for method in ("fem-p4-imex4", "fv-coupled"):
+        run(scene, METHODS[method], 2, 0.05, tmp_path / method)
+        runs.append(read_run(tmp_path / method))
+    strip = film_strip(runs)
+    assert [row.label for row in strip.rows] == [*("fem-p4-imex4", "fv-coupled", "fv-coupled − fem-p4-imex4")]
+    assert all(panel is not None for row in strip.rows for panel in row.panels)
+    curved, cells = runs
+    largest = np.abs(cells.a_cells[-1] - curved.a_cells[-1]).max()
+    assert strip.rows[2].panels[-1].extent == f"|·| ≤ {largest:.3g}"
+    pieces = curved.a_points[-1][curved.triangles].mean(axis=0)
+    assert strip.rows[0].panels[-1].extent == f"{pieces.min():.3g} … {pieces.max():.3g}"
+    # pictures grow with what is in them, not with the nodes
+    assert sum(len(panel.png) for row in strip.rows for panel in row.panels) < 400_000
 
 
 def test_growth_is_charted_where_it_was_measured(reported: tuple[Path, list[Claim]]) -> None:

@@ -78,6 +78,19 @@ y = "y0"
 a = "1 + x - x0 + t"
 bound = { h2 = 1 }
 """
+CELL = """
+name = "cell"
+[parameters]
+psi = 240
+p = 0
+[model]
+reaction = false
+[initial]
+a = "1"
+eigenmode = { m = 1, n = 1, amplitude = 1e-6 }
+[time]
+end = 1
+"""
 
 
 def test_a_full_scene():
@@ -196,9 +209,31 @@ MISTAKES = [
     (MOVING, 'y = "y0"', "", "motion.y is missing; required keys are x, y"),
     (MOVING, "x - x0 + t", "q", "expect.exact.a = '1 + q': unknown name q; valid names are x, y, r, theta,"),
     (MOVING, "end = 1", "end = 1979-05-27", "time.end = datetime.date(1979, 5, 27): should be a valid"),
-    (MOVING, "end = 1", f"end{'.a' * 3000} = 1", "time.end = {'a': {'a'"),
-    (MOVING, "end = 1", '"e\\nd" = 1', "unknown key time.e d"),
+    (MOVING, "end = 1", f"end{'.a' * 19} = 1", "time.end = {'a': {'a'"),
+    (MOVING, "end = 1", f"end{'.a' * 3000} = 1", "a.a.a.a. is no key; at most 20 dots"),
+    (MOVING, "end = 1", '"e\\nd" = 1', r"unknown key time.e\nd"),
+    (MOVING, "end = 1", f"{'e' * 10**5} = 1", "eeee; valid keys are end, outputs"),
     (MOVING, "end = 1", f"end = 1{'0' * 400}", "time.end = "),
+    (MOVING, "end = 1", f"end = 1{'0' * 5000}", "not valid TOML: an integer of thousands of digits"),
+    (MOVING, "end = 1", f"end = 0x{'f' * 5000}", "time.end = a huge integer: should be a valid number"),
+    (MOVING, "end = 1", "end = 1e300", "time.end = 1e+300: should be less than or equal to 1000000"),
+    (MOVING, "end = 1", "end = 1e-9", "time.end = 1e-09: should keep 1e-06 apart from 0 and from each other"),
+    (GOOD, "[0.2, 0.6]", "[0.2, 0.6, 0.6000001]", "time.outputs = 0.6000001: should keep 1e-06 apart"),
+    (GOOD, "[0.6, 0.8]", "[0, 0]," * 1000, "list should have at most 1000 items"),
+    (GOOD, "[1.0, nan]", "[1.0, nan]\n#" + "x" * 200_000, "characters are no scene; at most 200000"),
+    (GOOD, "psi = 10", "psi = 1e300", "parameters.psi = 1e+300: should lie between 0 and 1e+09"),
+    (GOOD, "p = 0.5", "p = -1e10", "parameters.p = -10000000000.0: should lie between -1e+09 and 1e+09"),
+    (GOOD, "p = 0.5", "p = 0\nmu1 = 1e-300", "parameters.mu1 = 1e-300: should lie between 1e-09 and 1e+09"),
+    (GOOD, "p = 0.5", "p = 0\nnu = 0.49999999", "parameters.nu = 0.49999999: should lie between -0.9999 and"),
+    (GOOD, "p = 0.5", "p = 0\nl0 = 1e-300", "parameters.l0 = 1e-300: should lie between 0.001 and 0.999"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\nL = 1e-200\npsi = 0", "dimensional = {'L': 1e-200"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\nk_a = 1e-320\npsi = 0", "makes d = inf of (3.1), which"),
+    (GOOD, '"1 + 0.1*x"', '"1e300 + x"', "should be at most 1e+06 on the unit disk at t = 0, but is 1e+300"),
+    (GOOD, '["0.1*x", "0"]', '["1e300", "0"]', "initial.u[0] = '1e300': should be at most 1e+06"),
+    (MOVING, 'y = "y0"', 'y = "1e300*y0"', "motion.y = '1e300*y0': should be at most 1e+06"),
+    (CELL, "p = 0", "p = 0\nd = 0", "parameters.d = 0.0: should be at least (1 + (psi + |p|)/(mu1 + mu2))/1"),
+    (CELL, "psi = 240", "psi = 1e9", "parameters.d = 0.4: should be at least (1 + (psi + |p|)/(mu1 + mu2))"),
+    (CELL, "m = 1,", "m = 0,", "initial.eigenmode.m = 0: should be at least 1 where reaction = false"),
     (MOVING, "end = 1", "end = ", "not valid TOML: Invalid value (at line"),
     (MOVING, "end = 1", "end = " + "[" * 2000 + "]" * 2000, "not valid TOML: nested too deeply"),
 ]  # fmt: skip
@@ -273,6 +308,7 @@ def test_exact_solutions_solve_the_transport_equation(name):
         "static-decay": (sympy.Integer(0), sympy.Integer(0)),
         "growing-disk": (x / 2, y / 2),
         "stirred": ((1 - squared) * x / 2 - 2 * squared * y, (1 - squared) * y / 2 + 2 * squared * x),
+        "stirred-static": (sympy.Integer(0), sympy.Integer(0)),
         "manufactured-static": (sympy.Integer(0), sympy.Integer(0)),
         "manufactured-moving": (back[0] + back[1], -back[1] / 2),
     }[name]

@@ -12,12 +12,19 @@ import h5py
 import numpy as np
 import pytest
 import vtk
+from skfem import ElementTriP1
+from skfem.quadrature import get_quadrature
 from vtk.util.numpy_support import vtk_to_numpy
 
 from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
-from actin_xcheck.geometry import Mesh, disk
+from actin_xcheck.geometry import Mesh, disk, signed_areas
+from actin_xcheck.lagrange import areas as lagrange_areas
+from actin_xcheck.lagrange import order_of, rule
+from actin_xcheck.registry import METHODS
 from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.runs import bind
+from actin_xcheck.solver import Frame
 from actin_xcheck.store import (
     RUN_ATTRIBUTES,
     RunWriter,
@@ -26,6 +33,8 @@ from actin_xcheck.store import (
     read_run,
     write_comparison,
 )
+from actin_xcheck.vtkhdf import Film
+from tests.lab import scene_of
 
 TIMES = (0.0, 0.25, 1.0)
 ATTRIBUTES = {name: f"some {name}" for name in RUN_ATTRIBUTES} | {"refine": 2, "dt": 0.25, "seed": 7}
@@ -41,16 +50,16 @@ def write(path: Path, mesh: Mesh, outcome: Outcome | None = None, steps: int = 6
     """A cell that grows by the factor 1 + t, with fields that are different at every output time."""
     with RunWriter(path, mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES) as writer:
         for t in TIMES:
-            writer.frame(t, *fields(mesh, t))
+            writer.frame(t, fields(mesh, t))
         for n in range(steps):
             writer.record({"time": n, "centroid": (n, -n), "probe_x": np.full((3, 2), n), "probe_a": ()})
         writer.finish(outcome or Outcome(), wall_seconds=1.25)
 
 
-def fields(mesh: Mesh, t: float) -> tuple[np.ndarray, ...]:
+def fields(mesh: Mesh, t: float) -> Frame:
     x = (1 + t) * mesh.xi
     n_cells = mesh.triangles.shape[1]
-    return x, 1 + t * mesh.xi[0], np.arange(n_cells) + t, x - mesh.xi, 2 * mesh.xi
+    return Frame(x, 2 * mesh.xi, 1 + t * mesh.xi[0], np.arange(n_cells) + t)
 
 
 def delta(mesh: Mesh) -> np.ndarray:
@@ -66,12 +75,15 @@ def test_a_run_is_read_back_as_it_was_written(tmp_path: Path, mesh: Mesh) -> Non
     }
     np.testing.assert_array_equal(run.times, TIMES)
     np.testing.assert_array_equal(run.xi, mesh.xi)
-    np.testing.assert_array_equal(run.triangles, mesh.triangles)
+    assert run.order == 1
+    for nodes in (run.cells, run.corners, run.triangles):
+        np.testing.assert_array_equal(nodes, mesh.triangles)
     np.testing.assert_array_equal(run.delta, delta(mesh))
     for frame, t in enumerate(TIMES):
-        stored = run.points, run.a_points, run.a_cells, run.u, run.v
-        for values, expected in zip(stored, fields(mesh, t), strict=True):
-            np.testing.assert_array_equal(values[frame], expected)
+        stored, expected = (run.points, run.v, run.a_points, run.a_cells), vars(fields(mesh, t)).values()
+        for values, value in zip(stored, expected, strict=True):
+            np.testing.assert_array_equal(values[frame], value)
+        np.testing.assert_array_equal(run.u[frame], run.points[frame] - mesh.xi)
     assert {name: values.shape for name, values in run.series.items()} == {
         "time": (600,),
         "centroid": (600, 2),
@@ -98,7 +110,7 @@ def test_vtk_plays_the_film(tmp_path: Path, mesh: Mesh) -> None:
     for t in (*TIMES, TIMES[0]):  # and back again
         reader.UpdateTimeStep(t)
         grid = reader.GetOutput()
-        x, a_points, a_cells, u, v = fields(mesh, t)
+        x, v, a_points, a_cells = vars(fields(mesh, t)).values()
         assert grid.GetCellType(0) == vtk.VTK_TRIANGLE
         points = vtk_to_numpy(grid.GetPoints().GetData())
         np.testing.assert_array_equal(points, np.pad(x.T, ((0, 0), (0, 1))))
@@ -109,12 +121,65 @@ def test_vtk_plays_the_film(tmp_path: Path, mesh: Mesh) -> None:
         names = {point_data.GetArrayName(i) for i in range(point_data.GetNumberOfArrays())}
         assert names == {"a", "u", "v", "xi"}
         np.testing.assert_array_equal(vtk_to_numpy(point_data.GetArray("a")), a_points)
-        for name, values in (("u", u), ("v", v), ("xi", mesh.xi)):
+        for name, values in (("u", x - mesh.xi), ("v", v), ("xi", mesh.xi)):
             vectors = vtk_to_numpy(point_data.GetArray(name))
             np.testing.assert_array_equal(vectors[:, :2].T, values)
             assert not vectors[:, 2].any()
         np.testing.assert_array_equal(vtk_to_numpy(cell_data.GetArray("a")), a_cells)
         np.testing.assert_array_equal(vtk_to_numpy(cell_data.GetArray("delta")), delta(mesh))
+
+
+@pytest.mark.parametrize("k", [2, 3, 4])
+def test_vtk_shows_curved_cells_and_polynomials_on_them(tmp_path: Path, k: int) -> None:
+    """VTK's own P_k map gives the disk's area, its own P_k field the integral that `lagrange.py` reads."""
+    solver = bind(scene_of(a="1 + x**2"), METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 3, 1.0)
+    path = tmp_path / "run"
+    grid, frame = solver.grid, solver.frame(solver.init())
+    with RunWriter(path, grid.xi, grid.cells, np.zeros(grid.cells.shape[1]), ATTRIBUTES) as writer:
+        writer.frame(0.0, frame)
+        writer.finish(Outcome(), 0.0)
+    reader = vtk_reader(path)
+    reader.UpdateTimeStep(0.0)
+    shown = reader.GetOutput()
+    a = vtk_to_numpy(shown.GetPointData().GetArray("a"))
+    area, total, flat = 0.0, 0.0, 0.0
+    points, weights = get_quadrature(ElementTriP1(), 4 * k)
+    for number in range(shown.GetNumberOfCells()):
+        cell = shown.GetCell(number)
+        assert (cell.GetCellType(), cell.GetOrder()) == (vtk.VTK_LAGRANGE_TRIANGLE, k)
+        place = vtk_to_numpy(cell.GetPoints().GetData())[:, :2].T
+        nodes = [cell.GetPointId(i) for i in range(cell.GetNumberOfPoints())]
+        flat += np.linalg.det(place[:, 1:3] - place[:, :1]) / 2
+        for r, weight in zip(points.T, weights, strict=True):
+            values, slopes = [0.0] * len(nodes), [0.0] * (2 * len(nodes))
+            cell.InterpolateFunctions((*r, 0.0), values)
+            cell.InterpolateDerivs((*r, 0.0), slopes)
+            dx = weight * np.linalg.det(place @ np.reshape(slopes, (2, -1)).T)
+            area, total = area + dx, total + dx * (values @ a[nodes])
+    assert flat == pytest.approx(np.pi, abs=0.03)
+    assert abs(flat - np.pi) > 0.01
+    assert area == pytest.approx(np.pi, abs={2: 1e-5, 3: 1e-8, 4: 1e-11}[k])
+    run, of_total = read_run(path), rule(k, 4 * k)
+    dx = of_total.dx(run.points[-1], run.cells)
+    assert (of_total.blend(run.a_points[-1], run.cells) * dx).sum() == pytest.approx(total, rel=1e-13)
+    assert lagrange_areas(run.points[-1], run.cells) @ run.a_cells[-1] == pytest.approx(total, rel=1e-13)
+    assert total == pytest.approx(1.25 * np.pi, abs={2: 1e-4, 3: 1e-5, 4: 1e-6}[k])
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_what_is_drawn_of_a_cell_tiles_it(k: int) -> None:
+    solver = bind(scene_of(), METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 2, 1.0)
+    film = Film(*([np.zeros(1), solver.grid.xi, solver.grid.cells] + [np.zeros(1)] * 6))
+    pieces = signed_areas(film.xi, film.triangles)
+    assert pieces.min() > 0
+    assert pieces.size == k**2 * film.cells.shape[1]
+    on_rim = np.hypot(*film.xi) > 1 - 1e-5  # nodes of order 3 and 4 lie on P_k rims, not quite on the circle
+    assert on_rim.sum() == 16 * k
+    polygon = 16 * k / 2 * np.sin(2 * np.pi / (16 * k))  # its corners are not quite equidistant
+    assert pieces.sum() == pytest.approx(polygon, rel=1e-3)
+    assert film.corners.shape == (3, film.cells.shape[1])
+    with pytest.raises(ValueError, match="5 nodes"):
+        order_of(5)
 
 
 def test_text_is_utf8_of_any_length_except_what_vtk_reads(tmp_path: Path, mesh: Mesh) -> None:
@@ -138,7 +203,7 @@ def test_an_exception_leaves_nothing_and_the_old_file_whole(tmp_path: Path, mesh
 
     def crash() -> None:
         with RunWriter(path, mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES) as writer:
-            writer.frame(0.0, *fields(mesh, 0.0))
+            writer.frame(0.0, fields(mesh, 0.0))
             raise RuntimeError("on its way")
 
     with pytest.raises(RuntimeError, match="on its way"):
@@ -156,7 +221,7 @@ def test_the_destination_changes_only_at_the_finish(tmp_path: Path, mesh: Mesh) 
     path = tmp_path / "run.vtkhdf"
     path.write_text("older")
     with RunWriter(path, mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES) as writer:
-        writer.frame(0.0, *fields(mesh, 0.0))
+        writer.frame(0.0, fields(mesh, 0.0))
         assert path.read_text() == "older"
         writer.finish(Outcome(), 0.0)
         assert read_run(path).times == [0.0]
@@ -173,7 +238,7 @@ def test_what_a_killed_process_leaves_opens_in_vtk_but_is_no_run(tmp_path: Path)
         mesh = disk(2, 0.8)
         writer = RunWriter(Path(sys.argv[1]), mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES)
         for t in (0.0, 0.25):
-            writer.frame(t, *fields(mesh, t))
+            writer.frame(t, fields(mesh, t))
         os.kill(os.getpid(), signal.SIGKILL)
     """
     path, root = tmp_path / "run.vtkhdf", Path(__file__).parents[1]

@@ -61,7 +61,7 @@ def result_of(study: Study, folder: Path) -> Result:
         np.array([level.steps for level in levels]),
         h,
         dt,
-        np.array(errors),
+        np.abs(errors),
         tuple(endings),
         replace(observed, reason=study.no_claim or observed.reason),
         "python -m actin_xcheck " + shlex.join(words),

@@ -8,7 +8,8 @@ The rules, for the orders p_i = log(e_i/e_{i+1}) / log(s_i/s_{i+1}) between succ
 * PASS when the last two local orders lie within 0.15 of the declared one;
 * `not yet asymptotic` when the last three approach it, each closer than the one before and the last by at
   least a quarter of the distance: a next term of the error, h^(1/2) relative to the leading one or higher,
-  lets that distance fall by 0.71 a level or faster;
+  lets that distance fall by 0.71 a level or faster; and when the error of a single number changes its sign
+  among the last four levels, where its leading terms cancel and no order can be read off;
 * FAIL in every other case: they have settled elsewhere, or not at all.
 
 The slope of the least-squares line through all levels above the floor is reported with its interval, and
@@ -92,7 +93,7 @@ def observe(
     Parameters
     ----------
     steps : h or dt of the levels, decreasing, (n,) with n >= 3.
-    errors : relative, (n,); nan where a run gave no number.
+    errors : relative, (n,), with their signs where they are of single numbers; nan where a run gave none.
     declared : the order claimed, or None where nothing is claimed.
     at_least : whether a higher order holds too: functionals may superconverge.
     floor : errors up to this are round-off.
@@ -102,9 +103,9 @@ def observe(
     if len(steps) < 3 or len(steps) != len(errors) or np.any(np.diff(steps) >= 0):
         raise ValueError(f"steps {list(steps)} must decrease, be three or more and have an error each")
     s, e = np.asarray(steps, dtype=float), np.asarray(errors, dtype=float)
-    local = local_orders(steps, errors, floor)
+    local = local_orders(steps, np.abs(e), floor)
     verdict, reason = _judge(e, local, declared, at_least, floor)
-    return ObservedOrder(*_fit(s, e, floor), tuple(local.tolist()), verdict, reason)
+    return ObservedOrder(*_fit(s, np.abs(e), floor), tuple(local.tolist()), verdict, reason)
 
 
 def _above(errors: Array, floor: float) -> NDArray[np.bool_]:
@@ -141,4 +142,6 @@ def _judge(
         return Verdict.PASS, f"the last two local orders are {last}"
     if len(known) > 2 and distance[-1] <= APPROACHES * distance[-2] and distance[-2] < distance[-3]:
         return Verdict.NOT_YET_ASYMPTOTIC, f"the local orders approach {declared:g}; the last two are {last}"
+    if np.ptp(np.sign(errors[_above(np.abs(errors), floor)][-4:])) > 0:
+        return Verdict.NOT_YET_ASYMPTOTIC, f"the error changes its sign; the last two local orders are {last}"
     return Verdict.FAIL, f"the last two local orders are {last}, not {declared:g}"

@@ -1,16 +1,12 @@
 """What a study measures on stored runs: its error against a known truth, or its change between two levels."""
 
-import json
-from collections.abc import Sequence
 from enum import StrEnum
 from typing import Literal
 
 import numpy as np
 
 from actin_xcheck.convergence.orders import ROUND_OFF
-from actin_xcheck.geometry import signed_areas
 from actin_xcheck.prediction import fit_growth, growth_rate
-from actin_xcheck.resolve import in_scene_frame
 from actin_xcheck.scene import Scene
 from actin_xcheck.store import Run
 from actin_xcheck.verdicts import cell_difference, l2_error, reference_errors
@@ -59,7 +55,7 @@ def error_of(scene: Scene, run: Run, quantity: Quantity) -> float:
         return np.nan
     match quantity:
         case Quantity.CONCENTRATION:
-            return _concentration_error(scene, run)
+            return l2_error(scene, run)
         case Quantity.GROWTH_RATE:
             assert scene.mode is not None
             exact = growth_rate(scene.physics, *scene.mode)
@@ -69,7 +65,7 @@ def error_of(scene: Scene, run: Run, quantity: Quantity) -> float:
 
 
 def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> float:
-    """Difference of two levels at the end; nan where one of them did not get there.
+    """Difference of two levels at the end, of single numbers with its sign; nan where one did not get there.
 
     Of the concentration on one mesh only, where both know it in the same cells.
     """
@@ -79,32 +75,10 @@ def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> 
         case Quantity.CONCENTRATION:
             return cell_difference(fine, coarse)
         case Quantity.AMPLITUDE:  # the change of rate times the time that has passed
-            return float(abs(np.log(np.abs(coarse.series[quantity][-1] / fine.series[quantity][-1]))))
+            return float(np.log(np.abs(coarse.series[quantity][-1] / fine.series[quantity][-1])))
         case _:
             one, other = (np.asarray(run.series[quantity][-1]) for run in (coarse, fine))
-            scale = np.abs(other) if quantity.is_functional else 1.0
-            return float(np.max(np.abs(one - other) / scale))
-
-
-def elements_of(options: Sequence[tuple[str, int]]) -> int:
-    """Polynomial order of the elements that a method's options name."""
-    return dict(options).get("space", 1)
-
-
-def _concentration_error(scene: Scene, run: Run) -> float:
-    """Relative L2 error of the field as stored.
-
-    Between corners a file knows the straight interpolant only, which is second order: methods of a higher
-    one are measured at the corners, each with a third of its cells' areas.
-    """
-    if elements_of(json.loads(run.attributes["method"])["options"]) == 1:
-        return l2_error(scene, run)
-    expected = scene.expect.exact
-    assert expected is not None
-    exact = in_scene_frame(scene, expected.a, run.points[-1], run.xi, float(run.times[-1]))
-    areas = np.repeat(signed_areas(run.points[-1], run.triangles)[None] / 3, 3, axis=0)
-    weights = np.bincount(run.triangles.ravel(), areas.ravel(), len(exact))
-    return float(np.sqrt(weights @ (run.a_points[-1] - exact) ** 2 / (weights @ exact**2)))
+            return float((one - other) / other if quantity.is_functional else np.abs(one - other).max())
 
 
 def _fitted_rate(scene: Scene, run: Run) -> complex:

@@ -2,7 +2,8 @@
 
 With h goes dt ~ h^(order_h/order_dt), so that both parts of the error fall together; dt alone is refined on
 one mesh, against the next finer level (Richardson), which leaves the error in space out.  Levels are fixed
-and consecutive: none can be picked for its slope.
+and consecutive: none can be picked for its slope.  Of which scenes a method's orders are claimed follows from
+their data alone (`conditions.py`).
 """
 
 import tomllib
@@ -11,29 +12,28 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-import numpy as np
 import tomli_w
 
 from actin_xcheck.compare import Job
-from actin_xcheck.convergence.quantities import Quantity, elements_of
-from actin_xcheck.expression import coordinates
-from actin_xcheck.model import CAVEATS, Closure, Delta, Rheology
+from actin_xcheck.convergence.conditions import why_not
+from actin_xcheck.convergence.quantities import Quantity
+from actin_xcheck.model import Delta
 from actin_xcheck.prediction import growth_rate
 from actin_xcheck.registry import Method
 from actin_xcheck.scene import Scene, load_scene
 
 REFINES = (1, 2, 3, 4, 5)
-"""Meshes of 13 to 2113 nodes; methods of order 4 and more leave out the last, which would cost minutes."""
+"""Meshes of 64 to 16384 cells."""
 
 FIXED_REFINE = 3
-"""The mesh on which dt is refined, 145 nodes: what it leaves out does not matter."""
+"""The mesh on which dt is refined, above P2 the next coarser one: what it leaves out does not matter."""
 
 FIXED_STEPS = (5, 10, 20, 40, 80, 160)
-"""Steps of a dt study over the whole time."""
+"""Steps of a dt study over the whole time; 2/5 of them for pairs of order 4, which are in round-off else."""
 
-COARSEST_STEPS = {1: 1, 2: 4}
-"""Steps on the coarsest mesh, by the order in time up to 2: a first-order scheme makes four times as many on
-the next one, and 256 on the finest."""
+COARSEST_STEPS = {1: 1, 2: 8, 3: 8, 4: 2}
+"""Steps on the coarsest mesh, by the order in time: a first-order scheme makes four times as many on the next
+one, and 256 on the finest; the others are so many that the error in space leads."""
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits."""
@@ -99,13 +99,8 @@ class Study:
 
     @property
     def at_least(self) -> bool:
-        """Whether more than the declared order in h holds too.
-
-        Finite elements of order k > 1 give numbers of the whole cell, and values at corners, to more than
-        h^(k+1); of their fields only the corners are stored.
-        """
-        curved = elements_of(self.method.options) > 1
-        return self.refined is Refined.H and (self.quantity.is_functional or curved)
+        """Whether more than the declared order in h holds too: P_k gives numbers of the whole cell to 2 k."""
+        return self.refined is Refined.H and self.quantity.is_functional
 
     @property
     def floor(self) -> float:
@@ -137,11 +132,13 @@ def studies_of(name_or_path: str | Path, methods: Sequence[Method], folder: Path
             continue
         for refined in Refined if method.order_h else (Refined.H,):
             levels = _levels(scene, method, refined)
-            why = _no_claim(scene, method)
             studies += [
-                Study(scene, origin.origin, method, refined, quantity, truth, levels, why)
+                Study(
+                    scene, origin.origin, method, refined, quantity, truth, levels,
+                    why_not(scene, method, quantity),
+                )
                 for quantity, truth in _measured(scene, refined)
-            ]
+            ]  # fmt: skip
     return studies
 
 
@@ -192,44 +189,12 @@ def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, Truth]]:
 def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[Level, ...]:
     """The levels of a study, from the method's declared orders alone."""
     if refined is Refined.DT:
-        return tuple(Level(FIXED_REFINE, steps) for steps in FIXED_STEPS)
+        refine = FIXED_REFINE - (method.space > 2)
+        return tuple(Level(refine, steps * 2 // 5 if method.order_dt > 3 else steps) for steps in FIXED_STEPS)
     # an exhibit that stalls takes the steps of the second-order method it would be
     ratio = (method.order_h or 2) / method.order_dt
-    first = COARSEST_STEPS[1 if method.order_dt <= 1 else 2]
+    first = COARSEST_STEPS[int(method.order_dt)]
     if scene.expect.growth_rate:  # as many samples as its fit needs
         assert scene.mode is not None
         first = max(first, 5 if growth_rate(scene.physics, *scene.mode).imag else 2)
-    refines = REFINES if method.order_h < 4 else REFINES[:-1]
-    return tuple(Level(n, round(first * 2 ** (ratio * (n - refines[0])))) for n in refines)
-
-
-def _flux_at_start(scene: Scene) -> float:
-    """Largest |n.grad a| on the rim at t = 0, from five points inside."""
-    theta = np.linspace(0, 2 * np.pi, 361)
-    r = 1 - 1e-2 * np.arange(5)
-    points = r[:, None, None] * np.array([np.cos(theta), np.sin(theta)])
-    values = np.array([scene.initial.a(**coordinates(at)) for at in points])
-    slope = np.array([25, -48, 36, -16, 3]) / 12e-2  # one-sided, fourth order
-    return float(np.abs(slope @ values).max())
-
-
-def _no_claim(scene: Scene, method: Method) -> str:
-    """Why the method's orders are not claimed of the scene; empty where they are."""
-    if not method.order_h:
-        return "declared to stall: the exhibit of what does not converge on triangles"
-    if scene.expect.exact:
-        return ""
-    if scene.motion is None and (caveat := CAVEATS.get(scene.physics.closure)):
-        return caveat
-    wall = scene.motion is not None or scene.physics.closure is Closure.IRROTATIONAL_WALL
-    if scene.physics.rheology is Rheology.VISCOELASTIC and scene.parameters.p and not wall:
-        return "with p ≠ 0 the load of a viscoelastic rim needs the trace of div u, which costs half an order"
-    if scene.expect.growth_rate:  # modes meet every condition at t = 0
-        return ""
-    if _flux_at_start(scene) > 1e-6:
-        return "the initial concentration breaks n·∇a = 0 at t = 0"
-    if method.order_dt > 2:
-        return (
-            "above order 2 in time the initial data would have to meet n·∇(∂a/∂t) = 0 too, which is not known"
-        )
-    return ""
+    return tuple(Level(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in REFINES)

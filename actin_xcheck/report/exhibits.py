@@ -98,8 +98,6 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
     with styled():
         figure = Figure(figsize=(4.2, 2.5))
         axes = figure.add_axes((0.15, 0.16, 0.82, 0.74), xlabel=plot.xlabel)
-        if plot.log:
-            _logarithmic(axes)
         for number, line in enumerate(plot.lines):
             legend.append(_line(axes, line, STYLES[number % len(STYLES)], "o" if plot.log else ""))
         for name, x in plot.marks:
@@ -107,7 +105,9 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
             axes.annotate(
                 name, (x, 1), (0, 2), ("data", "axes fraction"), "offset points", ha="center", fontsize=7
             )
-        if not plot.log:
+        if plot.log:
+            _logarithmic(axes)
+        else:
             calm(axes)
         return Drawing(
             "plot", plot.title, plot.note, path, svg(figure, plot.title, prefix), legend=tuple(legend)
@@ -118,7 +118,9 @@ def _logarithmic(axes: Axes) -> None:
     """Two logarithmic axes; labels as plain numbers, since no mathematics is typeset."""
     axes.set(xscale="log", yscale="log")
     for axis, digits, labelled in (axes.xaxis, "g", (1, 2, 5)), (axes.yaxis, ".0e", (1, 3)):
-        axis.set_major_locator(LogLocator(subs=labelled))
+        low, high = sorted(axis.get_view_interval())
+        # over many decades a locator with several labels in each returns none
+        axis.set_major_locator(LogLocator(subs=labelled if high < 1e4 * low else (1,)))
         axis.set_major_formatter("{x:" + digits + "}")
         axis.set_minor_formatter("")
 

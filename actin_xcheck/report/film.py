@@ -62,7 +62,7 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
     ]
     bars = [scale.bar("a")]
     fem = next((name for name in named if name.startswith("fem")), "")
-    if differences := _differences(named, shots, fem):
+    if differences := _differences(named, times, fem):
         largest = max(map(abs, span(_values(list(differences.values()))))) or 1.0
         scale = Colours(DIVERGING, -largest, largest)
         rows += [
@@ -75,7 +75,7 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
 
 
 Shot = tuple[Array, Array] | None
-"""Positions (2, N) and values on cells (n_cells,) at one time, or None where the run has no such frame."""
+"""Positions (2, N) and values on triangles (n,) at one time, or None where the run has no such frame."""
 
 
 def _columns(runs: Sequence[Run]) -> list[float]:
@@ -89,20 +89,39 @@ def _columns(runs: Sequence[Run]) -> list[float]:
 
 
 def _shots(run: Run, times: Sequence[float]) -> list[Shot]:
+    frames = _frames(run, times)
+    return [None if i is None else (run.points[i], _on_triangles(run, i)) for i in frames]
+
+
+def _frames(run: Run, times: Sequence[float]) -> list[int | None]:
+    """Numbers of the run's frames at the times; None where it has none."""
     found = [np.flatnonzero(np.abs(run.times - t) < 1e-9) for t in times]
-    return [(run.points[i[0]], run.a_cells[i[0]]) if len(i) else None for i in found]
+    return [int(i[0]) if len(i) else None for i in found]
 
 
-def _differences(named: dict[str, Run], shots: dict[str, list[Shot]], fem: str) -> dict[str, list[Shot]]:
-    """FV less FEM, by the name of its row, for those on the same triangles; none without FEM."""
+def _on_triangles(run: Run, frame: int) -> Array:
+    """Concentration on the triangles that are drawn: a cell's mean, or what its nodes have around a piece."""
+    if run.order == 1:
+        return run.a_cells[frame]
+    return np.asarray(run.a_points[frame][run.triangles].mean(axis=0))
+
+
+def _differences(named: dict[str, Run], times: Sequence[float], fem: str) -> dict[str, list[Shot]]:
+    """Cell means of FV less FEM's, by the name of its row, for those of the same cells; none without FEM."""
     return {
-        f"{name} − {fem}": [
-            (ours[0], theirs[1] - ours[1]) if ours and theirs else None
-            for ours, theirs in zip(shots[fem], shots[name], strict=True)
-        ]
+        f"{name} − {fem}": _difference(run, named[fem], times)
         for name, run in named.items()
-        if fem and name.startswith("fv") and np.array_equal(run.triangles, named[fem].triangles)
+        if fem and name.startswith("fv") and np.array_equal(run.corners, named[fem].corners)
     }
+
+
+def _difference(fv: Run, fem: Run, times: Sequence[float]) -> list[Shot]:
+    return [
+        None
+        if i is None or j is None
+        else (fem.points[i], np.repeat(fv.a_cells[j] - fem.a_cells[i], fem.order**2))
+        for i, j in zip(_frames(fem, times), _frames(fv, times), strict=True)
+    ]
 
 
 def _values(rows: Sequence[Sequence[Shot]]) -> list[Array]:

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from actin_xcheck.claims import Claim
+from actin_xcheck.errors import UserError
 from actin_xcheck.model import CAVEATS
 from actin_xcheck.report.charts import Chart, charts
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.film import FilmStrip, film_strip
 from actin_xcheck.report.svg import STYLES, Style
+from actin_xcheck.report.triangles import TrianglePicture, triangle_picture
 from actin_xcheck.scene import Scene, parse_scene
 from actin_xcheck.store import Comparison, Run, read_comparison
+from actin_xcheck.triangulation import Triangle, read_triangles
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class _Section:
     runs: tuple[tuple[Run, Style], ...]
     strip: FilmStrip
     charts: tuple[Chart, ...]
+    triangles: tuple[TrianglePicture, ...]
 
     @property
     def caveat(self) -> str | None:
@@ -69,7 +73,7 @@ def write_report(folder: Path) -> Path:
         failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
         total=sum(claim.judged for claim in comparison.claims),
         unjudged=sum(not claim.judged for claim in comparison.claims),
-        sections=_sections(comparison),
+        sections=_sections(comparison, read_triangles(comparison.path)),
         versions=_versions(comparison),
     )
     page = folder / "index.html"
@@ -77,19 +81,45 @@ def write_report(folder: Path) -> Path:
     return page
 
 
-def _sections(comparison: Comparison) -> list[_Section]:
+def _sections(comparison: Comparison, triangles: Sequence[Triangle]) -> list[_Section]:
     """One section a scene, in the order in which they were compared, finite elements first."""
     by_scene: dict[str, list[Run]] = {}
     for run in comparison.runs.values():
         by_scene.setdefault(run.attributes["scene_name"], []).append(run)
-    return [_section(i, name, sorted(runs, key=_rank)) for i, (name, runs) in enumerate(by_scene.items(), 1)]
+    return [
+        _section(i, name, sorted(runs, key=_rank), [one for one in triangles if one.scene == name])
+        for i, (name, runs) in enumerate(by_scene.items(), 1)
+    ]
 
 
-def _section(number: int, name: str, runs: Sequence[Run]) -> _Section:
+def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Triangle]) -> _Section:
+    for run in runs:
+        _stated(run, "method")
+        if not run.series or not len(run.times):
+            raise UserError(f"{run.path}: there is nothing to draw")
     scene = parse_scene(runs[0].attributes["scene"], f"{runs[0].path}: /run scene")
-    styles = [STYLES[i % len(STYLES)] for i in range(len(runs))]
-    pictures = film_strip(runs), tuple(charts(runs, f"s{number}"))
-    return _Section(number, name, scene, tuple(zip(runs, styles, strict=True)), *pictures)
+    styles = {run.attributes["method_name"]: STYLES[i % len(STYLES)] for i, run in enumerate(runs)}
+    drawn = [triangle_picture(one, styles, f"t{number}-{i}") for i, one in enumerate(triangles)]
+    return _Section(
+        number,
+        name,
+        scene,
+        tuple(zip(runs, styles.values(), strict=True)),
+        film_strip(runs),
+        tuple(charts(runs, f"s{number}")),
+        tuple(drawn),
+    )
+
+
+def _stated(run: Run, name: str) -> dict[str, Any]:
+    """What a run states in JSON; UserError where it states none."""
+    try:
+        found = json.loads(run.attributes[name])
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{run.path}: /run states no {name} in JSON")
+    return found
 
 
 def _rank(run: Run) -> int:
@@ -108,9 +138,7 @@ def _grouped(comparison: Comparison) -> dict[str, list[Claim]]:
 def _versions(comparison: Comparison) -> dict[str, str]:
     """What computed: name -> version, all of them where runs and comparison differ."""
     found: dict[str, dict[str, None]] = {}  # dicts keep the order, sets do not
-    stated: list[dict[str, Any]] = [
-        json.loads(run.attributes["versions"]) for run in comparison.runs.values()
-    ]
+    stated: list[dict[str, Any]] = [_stated(run, "versions") for run in comparison.runs.values()]
     for versions in stated:
         for name, version in versions.items():
             found.setdefault(name, {})[str(version)] = None

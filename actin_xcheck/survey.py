@@ -1,0 +1,54 @@
+"""`frontier`: where runs are accurate, silently wrong, or fail."""
+
+import shlex
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from actin_xcheck.errors import UserError
+from actin_xcheck.frontier.examine import examine
+from actin_xcheck.frontier.planes import PLANES, check, plane_of
+from actin_xcheck.progress import Progress
+from actin_xcheck.registry import find_method
+from actin_xcheck.report import write_frontier_page
+from actin_xcheck.scene import load_scene
+
+DEFAULT_SCENE = "fig14-four-fronts"
+DEFAULT_METHODS = ("fem-p1-paper", "fem-p4-imex4", "fv-coupled")
+
+
+def frontier_command(
+    scene: Annotated[str, typer.Option(help="A shipped name or the path of a TOML file.")] = DEFAULT_SCENE,
+    over: Annotated[
+        list[str] | None, typer.Option(help=f"One of {' '.join(PLANES)}; may be given more than once.")
+    ] = None,
+    method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
+    out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Find, per method, the borders between runs that are accurate, silently wrong, and failing.
+
+    Every run is held against a converged one; borders are found by bisection.  Default: Fig. 14 over psi and
+    dt with the article's scheme, the best finite elements and the finite volumes.  Given an interrupted
+    report's folder, it goes on there.
+    """
+    loaded = load_scene(scene)
+    check(loaded)
+    methods = [find_method(name) for name in dict.fromkeys(method or DEFAULT_METHODS)]
+    planes = list(dict.fromkeys(over or PLANES[:1]))
+    for name in planes:
+        plane_of(name, methods[0])
+    folder = out_dir or Path("reports") / f"frontier-{datetime.now():%Y%m%d-%H%M%S}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    command = "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+    with Progress(quiet) as progress:
+        maps = examine(loaded, methods, planes, folder, command, progress.report)
+    for one in maps:
+        print(f"{one.method} over ({one.plane.name}): {one.words}")
+    print(f"report: {write_frontier_page(folder)}")

@@ -1,0 +1,81 @@
+"""Linear modes while they are exact enough, the whole model from there on."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from actin_xcheck.geometry import Mesh
+from actin_xcheck.model import Array
+from actin_xcheck.observables import Measures
+from actin_xcheck.result import Outcome
+from actin_xcheck.solver import Frame, Grid, Probes, Problem, Solver, State
+from fem.modal import Modal, ModalState
+
+
+class HandOver:
+    """A small perturbation as modes, handed over to a solver of the whole model when it has grown.
+
+    Parameters
+    ----------
+    modal : carries the modes.
+    whole : binds the solver of the whole model to a problem; it goes on from any of the modes' states.
+    bound : largest error that the modes may make, see `Modal.neglected`.
+    """
+
+    def __init__(self, modal: Modal, whole: Callable[[Problem], Solver], bound: float) -> None:
+        self.modal, self.whole, self.bound = modal, whole, bound
+        self.later = whole(modal.problem)
+
+    @property
+    def mesh(self) -> Mesh:
+        """The whole model's."""
+        return self.later.mesh
+
+    @property
+    def grid(self) -> Grid:
+        """The whole model's."""
+        return self.later.grid
+
+    def init(self) -> State:
+        """The modes of the initial data, or these themselves where they are too large."""
+        start = self.modal.init()
+        return replace(start, local_error=0.0) if self._small(start) else self.later.init()
+
+    def step(self, state: State, dt: float) -> tuple[State, Outcome]:
+        """A step of the modes as long as it ends within the bound, else one of the whole model."""
+        if isinstance(state, ModalState):
+            new, outcome = self.modal.step(state, dt)
+            if outcome.ok and self._small(new):
+                return replace(new, local_error=0.0), outcome  # exact in time
+            state = self._handed_over(state)
+        return self.later.step(state, dt)
+
+    def check(self, state: State) -> Outcome:
+        """By whoever made the state, as all that follows."""
+        return self._of(state).check(state)
+
+    def corners(self, state: State) -> Array:
+        """Corner values (3, n_cells)."""
+        return self._of(state).corners(state)
+
+    def measure(self, state: State) -> Measures:
+        """Area, total actin, centroid and rim."""
+        return self._of(state).measure(state)
+
+    def frame(self, state: State) -> Frame:
+        """On the whole model's grid."""
+        return self.later.frame(self._handed_over(state) if isinstance(state, ModalState) else state)
+
+    def probes(self, points: Array) -> Probes:
+        """Material points (2, k)."""
+        modal, later = self.modal.probes(points), self.later.probes(points)
+        return lambda state: modal(state) if isinstance(state, ModalState) else later(state)
+
+    def _small(self, state: State) -> bool:
+        return self.modal.neglected(state) <= self.bound
+
+    def _of(self, state: State) -> Solver:
+        return self.modal if isinstance(state, ModalState) else self.later
+
+    def _handed_over(self, state: ModalState) -> State:
+        """The whole model's state at the time of the modes'."""
+        return replace(self.whole(self.modal.handed_over(state)).init(), t=state.t)
