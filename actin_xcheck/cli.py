@@ -193,7 +193,7 @@ def _check_accuracy(
 def _say(reduction: Reduction) -> None:
     """Say how much of the model is solved, and what is left out and why."""
     for sentence in reduction.left_out:
-        print(f"{reduction.fidelity}: without {sentence}")
+        print(f"{reduction.fidelity}: left out {sentence}")
 
 
 def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from actin_xcheck import store
 from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
+from actin_xcheck.fidelity import Fidelity
 from actin_xcheck.registry import Method
 from actin_xcheck.runs import numerics, run
 from actin_xcheck.scene import Scene
@@ -60,6 +61,7 @@ class Job:
         """The command that makes this run again."""
         words = ["run", self.scene.origin, "--method", self.method.name, "--refine", str(self.refine)]
         words += ["--dt", repr(self.dt)] if self.rtol is None else ["--rtol", repr(self.rtol)]
+        words += ["--fidelity", str(Fidelity.FULL)]
         return "python -m actin_xcheck " + shlex.join([*words, "--out", self.path.name])
 
 

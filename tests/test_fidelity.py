@@ -171,4 +171,4 @@ def test_the_command_says_what_it_left_out(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 0
-    assert "sector: without" in capsys.readouterr().out
+    assert "sector: left out" in capsys.readouterr().out

@@ -98,6 +98,8 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
     with styled():
         figure = Figure(figsize=(4.2, 2.5))
         axes = figure.add_axes((0.15, 0.16, 0.82, 0.74), xlabel=plot.xlabel)
+        if plot.log:
+            axes.set(xscale="log", yscale="log")
         for number, line in enumerate(plot.lines):
             legend.append(_line(axes, line, STYLES[number % len(STYLES)], "o" if plot.log else ""))
         for name, x in plot.marks:
@@ -106,7 +108,7 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
                 name, (x, 1), (0, 2), ("data", "axes fraction"), "offset points", ha="center", fontsize=7
             )
         if plot.log:
-            _logarithmic(axes)
+            _label_decades(axes)
         else:
             calm(axes)
         return Drawing(
@@ -114,9 +116,8 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
         )
 
 
-def _logarithmic(axes: Axes) -> None:
-    """Two logarithmic axes; labels as plain numbers, since no mathematics is typeset."""
-    axes.set(xscale="log", yscale="log")
+def _label_decades(axes: Axes) -> None:
+    """Labels of two logarithmic axes as plain numbers, since no mathematics is typeset."""
     for axis, digits, labelled in (axes.xaxis, "g", (1, 2, 5)), (axes.yaxis, ".0e", (1, 3)):
         low, high = sorted(axis.get_view_interval())
         # over many decades a locator with several labels in each returns none
