@@ -59,7 +59,8 @@ def error_of(scene: Scene, run: Run, quantity: Quantity) -> float:
         case Quantity.GROWTH_RATE:
             assert scene.mode is not None
             exact = growth_rate(scene.physics, *scene.mode)
-            return float(abs(_fitted_rate(scene, run) - exact) / abs(exact))
+            error = _fitted_rate(scene, run) - exact
+            return float((error.real if not exact.imag else abs(error)) / abs(exact))
         case _:
             return reference_errors(scene, run)[quantity]
 
