@@ -1,8 +1,5 @@
 """`chart`: error against work, method by method."""
 
-import shlex
-import sys
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +7,7 @@ import typer
 
 from actin_xcheck.charting.advice import in_words
 from actin_xcheck.charting.examine import default_methods, examine
-from actin_xcheck.errors import UserError
+from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import find_method
 from actin_xcheck.report import write_chart_page
@@ -33,13 +30,9 @@ def chart_command(
     """
     loaded = load_scene(scene)
     methods = [find_method(name) for name in dict.fromkeys(method)] if method else default_methods()
-    folder = out_dir or Path("reports") / f"chart-{loaded.name}-{datetime.now():%Y%m%d-%H%M%S}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
-    command = "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+    folder = report_folder(out_dir, f"chart-{loaded.name}")
+    make_folder(folder)
     with Progress(quiet) as progress:
-        chart = examine(loaded, methods, folder, command, quick, progress.report)
+        chart = examine(loaded, methods, folder, command(), quick, progress.report)
     print(in_words(chart))
     print(f"report: {write_chart_page(folder)}")

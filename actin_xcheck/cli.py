@@ -1,9 +1,7 @@
 """The commands.  A user's mistake is one line on standard error and exit code 2; a failed claim or run, 1."""
 
 import math
-import shlex
 import sys
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -19,6 +17,7 @@ from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
 from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.chart import chart_command
 from actin_xcheck.charting.record import FILE_NAME as CHART_FILE
+from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.converge import converge_command
 from actin_xcheck.convergence.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.errors import LONGEST, UserError, brief
@@ -98,17 +97,17 @@ def compare_command(
     if repeated := {s.name for s in loaded if [t.name for t in loaded].count(s.name) > 1}:
         raise UserError(f"compare: more than one scene is named {', '.join(sorted(repeated))}")
     methods = [find_method(name) for name in dict.fromkeys(method or comparison.DEFAULT_METHODS)]
-    folder = out_dir or Path("reports") / f"compare-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = report_folder(out_dir, "compare")
     if (folder / "comparison.h5").exists() and not force:
         raise UserError(f"--out: {folder} holds a comparison already; valid: another folder, or --force")
-    _make_folder(folder)
+    make_folder(folder)
     for stale in ("comparison.h5", "index.html"):  # a page must never stand beside runs it is not made of
         (folder / stale).unlink(missing_ok=True)
     jobs = comparison.jobs_of(loaded, methods, folder, refine, dt, rtol)
     for scene in loaded:
         _warn_of(scene)
     with Progress(quiet) as progress:
-        claims = comparison.compare(jobs, folder, _command(), progress.report)
+        claims = comparison.compare(jobs, folder, command(), progress.report)
     page = write_report(folder)
     judged = [claim for claim in claims if claim.judged]
     failed = [claim for claim in judged if not claim.holds]
@@ -153,7 +152,7 @@ def run_command(
         raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
     if out_file.exists() and not force:
         raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
-    _make_folder(out_file.parent)
+    make_folder(out_file.parent)
     _warn_of(loaded)
     if accuracy is not None:
         _deliver(loaded, accuracy, out_file, quiet, fidelity)
@@ -169,7 +168,7 @@ def run_command(
             refine,
             dt,
             out_file,
-            _command(),
+            command(),
             lambda done, total: progress.report(job.label, done, total),
             rtol,
             reduction,
@@ -203,7 +202,7 @@ def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelit
             scene,
             accuracy,
             out_file,
-            _command(),
+            command(),
             lambda done, total: progress.report(scene.name, done, total),
             fidelity,
         )
@@ -257,17 +256,6 @@ def report_command(folder: Path) -> None:
     except Exception as error:  # its files may hold anything
         raise UserError(f"{folder}: cannot be drawn ({type(error).__name__}: {error})") from error
     print(f"report: {page}")
-
-
-def _command() -> str:
-    return "python -m actin_xcheck " + shlex.join(sys.argv[1:])
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
 
 
 def main() -> None:

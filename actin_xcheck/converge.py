@@ -1,15 +1,13 @@
 """`converge`: observed orders, study by study."""
 
-import shlex
-import sys
 from collections import Counter
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
+from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.convergence.examine import examine
 from actin_xcheck.convergence.orders import Verdict
 from actin_xcheck.convergence.studies import studies_of
@@ -58,17 +56,13 @@ def converge_command(
     names = Counter(load_scene(name).name for name in chosen)
     if repeated := sorted(name for name, count in names.items() if count > 1):
         raise UserError(f"converge: more than one scene is named {', '.join(repeated)}")
-    folder = out_dir or Path("reports") / f"converge-{datetime.now():%Y%m%d-%H%M%S}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    folder = report_folder(out_dir, "converge")
+    make_folder(folder)
     studies = [study for name, methods in chosen.items() for study in studies_of(name, methods, folder)]
     if not studies:
         raise UserError("--method: what is declared to stall is studied where the exact solution is known")
-    command = "python -m actin_xcheck " + shlex.join(sys.argv[1:])
     with Progress(quiet) as progress:
-        results = examine(studies, folder, command, progress.report)
+        results = examine(studies, folder, command(), progress.report)
     page = write_convergence_page(folder)
     failed = [result for result in results if result.observed.verdict is Verdict.FAIL]
     for result in failed:

@@ -1,9 +1,6 @@
 """`paper`: the audit of the article, row by row."""
 
-import shlex
-import sys
 from collections import Counter
-from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +11,7 @@ from actin_xcheck.audit.examine import examine
 from actin_xcheck.audit.record import FILE_NAME
 from actin_xcheck.audit.row import Judgement
 from actin_xcheck.audit.rows import ROWS
+from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.errors import UserError
 from actin_xcheck.progress import Progress
 from actin_xcheck.report import write_audit_page
@@ -40,17 +38,14 @@ def paper_command(
             raise UserError(
                 f"--only: no row is called {key!r}; valid are {some} and others, {len(ROWS)} in all"
             )
-    folder = out_dir or Path("reports") / f"paper-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = report_folder(out_dir, "paper")
     if (folder / FILE_NAME).exists() and not force:
         raise UserError(f"--out: {folder} holds an audit already; valid: another folder, or --force")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    make_folder(folder)
     for stale in (FILE_NAME, "index.html"):  # a page must never stand beside runs it is not made of
         (folder / stale).unlink(missing_ok=True)
     with Progress(quiet) as progress:
-        entries = examine(keys, folder, "python -m actin_xcheck " + shlex.join(sys.argv[1:]), progress.report)
+        entries = examine(keys, folder, command(), progress.report)
     page = write_audit_page(folder)
     counts = Counter(entry.finding.judgement for entry in entries)
     if only:

@@ -3,9 +3,6 @@
 import json
 import math
 import re
-import shlex
-import sys
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from actin_xcheck.atlas.predictions import FILE_NAME, compute, write_predictions
+from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import Closure, Delta, Model, Rheology
 from actin_xcheck.parameters import Parameters
@@ -117,18 +115,15 @@ def report_command(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Curves, modes, maps, thresholds and errata, as predictions.h5 and a page; takes a few minutes."""
-    folder = out_dir or Path("reports") / f"predict-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = report_folder(out_dir, "predict")
     if (folder / FILE_NAME).exists() and not force:
         raise UserError(f"--out: {folder} holds predictions already; valid: another folder, or --force")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    make_folder(folder)
     for stale in (FILE_NAME, "index.html"):  # a page must never stand beside a file it is not made of
         (folder / stale).unlink(missing_ok=True)
     with Progress(quiet) as progress:
         chapters = compute(progress.report)
-    write_predictions(folder / FILE_NAME, chapters, "python -m actin_xcheck " + shlex.join(sys.argv[1:]))
+    write_predictions(folder / FILE_NAME, chapters, command())
     print(f"report: {write_theory_page(folder)}")
 
 

@@ -1,14 +1,11 @@
 """`frontier`: where runs are accurate, silently wrong, or fail."""
 
-import shlex
-import sys
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from actin_xcheck.errors import UserError
+from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.frontier.examine import examine
 from actin_xcheck.frontier.planes import PLANES, check, plane_of
 from actin_xcheck.progress import Progress
@@ -41,14 +38,10 @@ def frontier_command(
     planes = list(dict.fromkeys(over or PLANES[:1]))
     for name in planes:
         plane_of(name, methods[0])
-    folder = out_dir or Path("reports") / f"frontier-{datetime.now():%Y%m%d-%H%M%S}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
-    command = "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+    folder = report_folder(out_dir, "frontier")
+    make_folder(folder)
     with Progress(quiet) as progress:
-        maps = examine(loaded, methods, planes, folder, command, progress.report)
+        maps = examine(loaded, methods, planes, folder, command(), progress.report)
     for one in maps:
         print(f"{one.method} over ({one.plane.name}): {one.words}")
     print(f"report: {write_frontier_page(folder)}")
