@@ -20,6 +20,7 @@ from actin_xcheck.result import Ending
 from fem import forms
 from fem.element import UNIFORM, lagrange
 from fem.force_balance import ForceBalance
+from fem.measures import locate
 from fem.space import Space
 from tests.lab import local_orders
 
@@ -350,3 +351,14 @@ def test_the_force_balance_converges_at_order_k_plus_one(k):
 
     errors = [error(refine) for refine in LEVELS[k]]
     assert local_orders(errors)[0] == pytest.approx(k + 1, abs=0.12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_points_are_found_where_they_are(order):
+    """Also on the coarsest mesh, whose cells are so curved that Newton's method can go astray."""
+    space = Space.on(disk(1, 0.8), order, 0.8)
+    radii, angles = np.meshgrid([0.1, 0.37, 0.55, 0.7], np.linspace(0.1, 6.2, 23))
+    points = (radii * np.array([np.cos(angles), np.sin(angles)])).reshape(2, -1)
+    cells, values = locate(space, points)
+    found = np.einsum("ak,iak->ik", values, space.xi[:, space.cells[:, cells]])
+    assert np.abs(found - points).max() < 1e-12
