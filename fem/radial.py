@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from actin_xcheck.geometry import Mesh
+from actin_xcheck.linear import TOLERANCE
 from actin_xcheck.model import Array, Closure, Rheology
 from actin_xcheck.motion import PrescribedMotion
 from actin_xcheck.observables import Measures
@@ -284,6 +285,10 @@ def _solved(matrix: Array, rhs: Array) -> tuple[Array, Outcome]:
     """Solve a positive definite system (n, n) for right-hand sides (n,) or (n, k)."""
     _, solution, info = dposv(matrix, rhs)
     if info == 0:
-        return solution, COMPLETED
+        left = float(np.linalg.norm(rhs - matrix @ solution))
+        if left <= TOLERANCE * float(np.linalg.norm(rhs)):
+            return solution, COMPLETED
+        message = f"a solve on the ray left a residual of {left:.1e}"
+        return solution, Outcome(Ending.NOT_CONVERGED, message)
     message = f"a matrix of {len(matrix)} unknowns on the ray is not positive definite (row {info})"
     return np.full_like(rhs, np.nan), Outcome(Ending.NOT_CONVERGED, message)
