@@ -21,31 +21,49 @@ from actin_xcheck.scene import Scene
 from actin_xcheck.store import Run, annotate, read_run
 from actin_xcheck.watch import Progress
 
+SHARE = 0.6
+"""Of the last change, the part that may be left where nothing is known of how levels fall."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A discretisation and how much better it is than the level before.
+
+    Attributes
+    ----------
+    method, refine, rtol : elements, mesh and tolerance of a step.
+    share : of the change to this level, the part that its own error may be: at most half of that was seen in
+        scenes whose finer levels are known.
+    """
+
+    method: Method
+    refine: int
+    rtol: float
+    share: float
+
+
 LEVELS = (
-    (METHODS["fem-p2-imex3"], 2, 3e-4),
-    (METHODS["fem-p3-imex4"], 2, 3e-5),
-    (METHODS["fem-p4-imex4"], 2, 3e-6),
-    (METHODS["fem-p4-imex4"], 3, 3e-7),
-    (METHODS["fem-p4-imex4"], 4, 3e-8),
-    (METHODS["fem-p4-imex4"], 5, 3e-9),
+    Level(METHODS["fem-p2-imex3"], 2, 3e-4, math.nan),
+    Level(METHODS["fem-p3-imex4"], 2, 3e-5, 0.2),
+    Level(METHODS["fem-p4-imex4"], 2, 3e-6, SHARE),
+    Level(METHODS["fem-p4-imex4"], 3, 3e-7, 0.25),
+    Level(METHODS["fem-p4-imex4"], 4, 3e-8, 0.25),
+    Level(METHODS["fem-p4-imex4"], 5, 3e-9, 0.25),
 )
-"""Method, mesh refinement and tolerance; errors fall five- to twentyfold from one level to the next."""
+"""Errors fall tenfold or more from one level to the next, least from P3 to P4 on one mesh."""
 
 LEVELS_ON_A_RAY = (
-    (METHODS["fem-p4-imex4"], 2, 3e-5),
-    (METHODS["fem-p4-imex4"], 3, 3e-6),
-    (METHODS["fem-p4-imex4"], 3, 3e-7),
-    (METHODS["fem-p4-imex4"], 4, 3e-8),
-    (METHODS["fem-p4-imex4"], 4, 3e-9),
-    (METHODS["fem-p4-imex4"], 5, 3e-10),
+    Level(METHODS["fem-p4-imex4"], 2, 3e-5, math.nan),
+    Level(METHODS["fem-p4-imex4"], 3, 3e-6, SHARE),
+    Level(METHODS["fem-p4-imex4"], 3, 3e-7, SHARE),
+    Level(METHODS["fem-p4-imex4"], 4, 3e-8, SHARE),
+    Level(METHODS["fem-p4-imex4"], 4, 3e-9, SHARE),
+    Level(METHODS["fem-p4-imex4"], 5, 3e-10, SHARE),
 )
 """The same where the cell is axisymmetric: elements of degree 10 on a ray leave errors in time alone."""
 
 SMALL = 0.1
 """Of the accuracy asked for, the part that a smaller model may use up."""
-
-SHARE = 0.6
-"""Of the last change, the part that may be left: more than is found on rim and ring, where it is most."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +73,7 @@ class Delivered:
     Attributes
     ----------
     outcome : how the last run ended.
-    method, refine, rtol : its level.
+    level : the last one.
     reduction : how much of the model was solved.
     estimate : of the largest error of area and total actin (relative), concentrations and positions at the
         probes (absolute) over the output times; nan where fewer than two levels completed.
@@ -63,9 +81,7 @@ class Delivered:
     """
 
     outcome: Outcome
-    method: Method
-    refine: int
-    rtol: float
+    level: Level
     reduction: Reduction
     estimate: float
     changes: tuple[float, ...]
@@ -94,16 +110,28 @@ def deliver(
     """
     before: Run | None = None
     changes: list[float] = []
-    reduction = reduced(scene, LEVELS[-1][0], wanted, SMALL * accuracy)
-    for method, refine, rtol in LEVELS_ON_A_RAY if reduction.fidelity is Fidelity.RADIAL else LEVELS:
-        outcome = run(scene, method, refine, scene.time.end, path, command, progress, rtol, reduction)
+    reduction = reduced(scene, LEVELS[-1].method, wanted, SMALL * accuracy)
+    levels = LEVELS_ON_A_RAY if reduction.fidelity is Fidelity.RADIAL else LEVELS
+    for number, level in enumerate(levels):
+        outcome = run(
+            scene,
+            level.method,
+            level.refine,
+            scene.time.end,
+            path,
+            command,
+            progress,
+            level.rtol,
+            reduction,
+        )
         now = read_run(path)
         if before is not None and outcome.ok:
             changes.append(change(before, now, scene.output_times))
-        estimate = estimated(changes) if outcome.ok else math.nan
+        shares = [one.share for one in levels[1 : number + 1]]
+        estimate = estimated(changes, shares) if outcome.ok else math.nan
         if not outcome.ok or estimate <= accuracy:
             annotate(path, {"accuracy": accuracy, "error_estimate": estimate})
-            return Delivered(outcome, method, refine, rtol, reduction, estimate, tuple(changes))
+            return Delivered(outcome, level, reduction, estimate, tuple(changes))
         before = now
     annotate(path, {"accuracy": accuracy, "error_estimate": estimate})
     raise UserError(
@@ -123,12 +151,21 @@ def change(coarse: Run, fine: Run, times: Sequence[float]) -> float:
     return float(largest)
 
 
-def estimated(changes: Sequence[float]) -> float:
+def estimated(changes: Sequence[float], shares: Sequence[float]) -> float:
     """Estimate the error of the last level from all changes so far, nan without any.
 
-    `SHARE` of the last change; all of it where changes do not fall, as before levels resolve a scene.
+    Parameters
+    ----------
+    changes : from level to level, (n,).
+    shares : of the levels that were changed to, see `Level`, (n,).
+
+    A change is the error of the level before, but for the little that is left.  Where it is larger than what
+    that level's share had promised, levels do not resolve the scene yet: the next share is widened as much.
     """
     if not changes:
         return math.nan
-    falls = len(changes) < 2 or changes[-1] <= SHARE * changes[-2]
-    return changes[-1] * (SHARE if falls else 1.0)
+    estimate = shares[0] * changes[0]
+    for share, found in zip(shares[1:], changes[1:], strict=True):
+        wider = 1.0 if found <= estimate else found / estimate if estimate > 0 else math.inf
+        estimate = min(share * wider, 1.0) * found
+    return estimate

@@ -212,7 +212,7 @@ def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelit
         raise typer.Exit(1)
     print(
         f"completed: {out_file}; estimated error {reached.estimate:.1e} "
-        f"(--method {reached.method.name} --refine {reached.refine} --rtol {reached.rtol:g})"
+        f"(--method {reached.level.method.name} --refine {reached.level.refine} --rtol {reached.level.rtol:g})"
     )
     raise typer.Exit(0)
 

@@ -25,6 +25,7 @@ DEFAULT_SCENES = {
     "manufactured-moving": 4,
     "manufactured-static": 4,
     "fitted-ring": 3,
+    "fitted-ring-elastic": 2,
     "smooth-fronts": 1,
     "mode-0-cell": 2,
     "fig14-four-fronts": 1,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from actin_xcheck.accuracy import SHARE, deliver, estimated
+from actin_xcheck.accuracy import deliver, estimated
 from actin_xcheck.cli import main
 from actin_xcheck.scene import load_scene
 from actin_xcheck.store import read_run
@@ -21,11 +21,13 @@ REFERENCED = (
 )
 
 
-def test_an_estimate_needs_changes_that_fall():
-    assert math.isnan(estimated([]))
-    assert estimated([1e-3]) == SHARE * 1e-3
-    assert estimated([1e-3, 1e-4]) == SHARE * 1e-4
-    assert estimated([1e-3, 0.9e-3]) == 0.9e-3
+def test_an_estimate_is_the_share_of_the_last_change_unless_the_one_before_was_too_small():
+    assert math.isnan(estimated([], []))
+    assert estimated([1e-3], [0.2]) == 0.2e-3
+    assert estimated([1e-3, 1e-4], [0.2, 0.5]) == pytest.approx(0.5e-4)
+    # the second level was 2e-3 off where 1e-3 had been promised
+    assert estimated([1e-2, 2e-3], [0.1, 0.25]) == pytest.approx(2 * 0.25 * 2e-3)
+    assert estimated([1e-3, 0.9e-3], [0.2, 0.5]) == 0.9e-3
 
 
 @pytest.mark.parametrize("name", REFERENCED)

@@ -15,7 +15,7 @@ from pathlib import Path
 import tomli_w
 
 from actin_xcheck.compare import Job
-from actin_xcheck.convergence.conditions import why_not
+from actin_xcheck.convergence.conditions import orders_lost_in_h, why_not
 from actin_xcheck.convergence.quantities import Quantity
 from actin_xcheck.model import Delta
 from actin_xcheck.prediction import growth_rate
@@ -94,8 +94,10 @@ class Study:
 
     @property
     def declared(self) -> float:
-        """The order of the method."""
-        return self.method.order_h if self.refined is Refined.H else self.method.order_dt
+        """The order of the method, in h as far as the scene lets it come."""
+        if self.refined is Refined.DT:
+            return self.method.order_dt
+        return max(self.method.order_h - orders_lost_in_h(self.scene), 0)
 
     @property
     def at_least(self) -> bool:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from actin_xcheck.accuracy import LEVELS, SHARE
+from actin_xcheck.accuracy import LEVELS, estimated
 from actin_xcheck.frontier.planes import Point
 from actin_xcheck.registry import METHODS
 from actin_xcheck.resolve import turn_matrix
@@ -24,7 +24,7 @@ TIME_BOUND = 0.1
 """Where the model ends, the largest relative error of the time at which a run says so."""
 
 TRUTH_LEVELS = LEVELS[1:4]
-"""Method, mesh and tolerance of the converged runs; each but the first is held against the one before."""
+"""Levels of the converged runs; each but the first is held against the one before."""
 
 TRUTH_SHARE = 0.1
 """Of a bound, the part that may be left to the truth's own uncertainty before a finer level is tried."""
@@ -114,11 +114,11 @@ def truth_of(scene: str) -> Truth:
     """Run a scene (TOML) on finer and finer levels until two agree to `TRUTH_SHARE` of the bound."""
     answers: list[Answer] = []
     truth: Truth | None = None
-    for method, refine, rtol in TRUTH_LEVELS:
-        answers.append(_run(scene, method.name, refine, None, rtol))
+    for level in TRUTH_LEVELS:
+        answers.append(_run(scene, level.method.name, level.refine, None, level.rtol))
         if len(answers) > 1:
-            level = f"{method.name}, refine {refine}, rtol {rtol:g}"
-            truth = Truth(answers[-1], level, _uncertainty(answers))
+            words = f"{level.method.name}, refine {level.refine}, rtol {level.rtol:g}"
+            truth = Truth(answers[-1], words, _uncertainty(answers))
             if truth.uncertainty <= TRUTH_SHARE * truth.bound:
                 break
     assert truth is not None
@@ -126,10 +126,9 @@ def truth_of(scene: str) -> Truth:
 
 
 def _uncertainty(answers: Sequence[Answer]) -> float:
-    """Of the last level: `SHARE` of the change to it, or all where changes do not fall."""
+    """Of the last level, by the changes to it and to those before."""
     changes = [_change(one, other) for one, other in pairwise(answers)]
-    falls = len(changes) < 2 or changes[-1] <= SHARE * changes[-2]
-    return changes[-1] * (SHARE if falls else 1.0)
+    return estimated(changes, [level.share for level in TRUTH_LEVELS[1 : len(answers)]])
 
 
 def _change(coarse: Answer, fine: Answer) -> float:
