@@ -28,6 +28,7 @@ from actin_xcheck.registry import METHODS
 from actin_xcheck.scene import Scene, load_scene
 from actin_xcheck.store import read_run
 from tests.hostile_inputs import Input, a_run, draw_input
+from tests.hostile_reports import REPORTS, a_report
 
 SECONDS = 5.0
 """Of processor time an input may take, a run of a few steps included; `HANG` end it."""
@@ -137,6 +138,11 @@ def examine(given: Input, sandbox: Sandbox, draw: random.Random) -> Answer:
             match given.kind:
                 case "command":
                     ending, problem = _told(given.words)
+                case "stored report":
+                    for name, content in given.files:
+                        (sandbox.out / name).parent.mkdir(exist_ok=True, parents=True)
+                        (sandbox.out / name).write_bytes(content)
+                    ending, problem = _told(("report", "out"))
                 case "stored run":
                     read_run(path)
                     ending = "read"
@@ -222,6 +228,8 @@ def campaign(count: int, seed: int) -> tuple[list[Answer], float]:
     """Examine `count` inputs; the answers, and by how many megabytes they let the process grow."""
     draw = random.Random(seed)
     a_run()
+    for kind in REPORTS:
+        a_report(kind)
     answers = []
     patched, runs.provenance = runs.provenance, functools.cache(runs.provenance)  # git, once
     try:

@@ -11,6 +11,7 @@ from pathlib import Path
 from actin_xcheck.registry import METHODS
 from actin_xcheck.runs import run
 from actin_xcheck.scene import load_scene, scene_text, shipped_scenes
+from tests.hostile_reports import REPORTS, a_report
 
 SMALL = """name = "h"
 source = "me"
@@ -239,11 +240,12 @@ OPTIONS = (
 
 @dataclass(frozen=True)
 class Input:
-    """One hostile input: the bytes of a scene file, of a run's file, or the words of a command."""
+    """One hostile input: the bytes of a scene file, of a run's file, the words of a command, or a folder."""
 
     kind: str
     content: bytes = b""
     words: tuple[str, ...] = ()
+    files: tuple[tuple[str, bytes], ...] = ()
 
 
 def formula(draw: random.Random, depth: int = 3) -> str:
@@ -355,17 +357,30 @@ def _command(draw: random.Random) -> Input:
 
 
 def _stored(draw: random.Random) -> Input:
-    content = bytearray(a_run())
+    return Input("stored run", _damaged(draw, a_run()))
+
+
+def _report(draw: random.Random) -> Input:
+    """A report's folder, one of its files damaged."""
+    files = a_report(draw.choice(REPORTS))
+    victim = draw.choice([*files, next(iter(files))])
+    damaged = ((name, _damaged(draw, one) if name == victim else one) for name, one in files.items())
+    return Input("stored report", files=tuple(damaged))
+
+
+def _damaged(draw: random.Random, whole: bytes) -> bytes:
+    content = bytearray(whole)
     if draw.random() < 0.4:
         del content[draw.randrange(len(content)) :]
     for _ in range(draw.choice([0, 1, 3, 30])):
         if content:
             content[draw.randrange(min(len(content), draw.choice([100, 3000, 10**6])))] = draw.randrange(256)
-    return Input("stored run", bytes(content))
+    return bytes(content)
 
 
 KINDS: dict[Callable[[random.Random], Input], int] = {
-    _expression: 30, _document: 6, _value: 20, _name: 8, _mutated: 20, _encoded: 4, _command: 7, _stored: 5,
+    _expression: 30, _document: 6, _value: 20, _name: 8, _mutated: 20, _encoded: 4, _command: 7, _stored: 3,
+    _report: 2,
 }  # fmt: skip
 """How inputs are made, and how many in a hundred."""
 

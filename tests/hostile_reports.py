@@ -1,0 +1,67 @@
+"""Small folders of reports, to be damaged: a comparison with its run, orders, predictions."""
+
+import functools
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
+from actin_xcheck.atlas.predictions import write_predictions
+from actin_xcheck.claims import Claim
+from actin_xcheck.convergence.orders import observe
+from actin_xcheck.convergence.record import FILE_NAME as CONVERGENCE_FILE
+from actin_xcheck.convergence.record import Result, write_convergence
+from actin_xcheck.exhibits import Chapter, Line, Picture, Plot, Sheet
+from actin_xcheck.registry import METHODS
+from actin_xcheck.runs import run
+from actin_xcheck.scene import load_scene
+from actin_xcheck.store import provenance, write_comparison
+
+
+@functools.cache
+def a_report(kind: str) -> dict[str, bytes]:
+    """The files of a report's folder by their relative names, the one that names its kind first."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        main = {"comparison": _comparison, "convergence": _convergence, "predictions": _predictions}[kind](
+            folder
+        )
+        files = sorted((path for path in folder.rglob("*.*5") if path.is_file()), key=lambda one: one != main)
+        files += [path for path in folder.rglob("*.vtkhdf") if path.is_file()]
+        return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+REPORTS = ("comparison", "convergence", "predictions")
+
+
+def _comparison(folder: Path) -> Path:
+    scene, path = load_scene("static-decay"), folder / "runs" / "decay.vtkhdf"
+    path.parent.mkdir()
+    run(scene, METHODS["fem-p1-paper"], 1, 0.25, path)
+    claim = Claim(scene.name, ("fem-p1-paper",), "conserves", 1e-15, 1e-12, "compare", "/runs")
+    attributes = {"command": "compare", **provenance()}
+    write_comparison(folder / "comparison.h5", [claim], {f"{scene.name}/fem-p1-paper": path}, attributes)
+    return folder / "comparison.h5"
+
+
+def _convergence(folder: Path) -> Path:
+    steps = 2.0 ** -np.arange(1, 6)
+    result = Result(
+        "k", "scene", "me", "fem-p1-paper", "h", "area", "the next finer level", 2.0, True, True, 1e-12,
+        np.arange(1, 6), np.arange(1, 6), steps, steps, steps**2, ("",) * 5,
+        observe(steps.tolist(), (steps**2).tolist(), 2.0), "converge", ("runs/a.vtkhdf",),
+    )  # fmt: skip
+    write_convergence(folder / CONVERGENCE_FILE, [result], "converge")
+    return folder / CONVERGENCE_FILE
+
+
+def _predictions(folder: Path) -> Path:
+    x = np.linspace(1, 2, 5)
+    exhibits = (
+        Plot("k", "t", "n", "x", (Line("l", x, x**2),), (("m", 1.5),)),
+        Picture("p", "t", np.outer(x, np.ones(9))),
+        Sheet("s", "t", "n", (("a", "b"), ("1", "2"))),
+    )
+    write_predictions(folder / PREDICTIONS_FILE, [Chapter("c", "t", "n", exhibits)], "predict report")
+    return folder / PREDICTIONS_FILE
