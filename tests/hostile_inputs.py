@@ -379,7 +379,7 @@ def _damaged(draw: random.Random, whole: bytes) -> bytes:
 
 
 KINDS: dict[Callable[[random.Random], Input], int] = {
-    _expression: 30, _document: 6, _value: 20, _name: 8, _mutated: 20, _encoded: 4, _command: 7, _stored: 3,
+    _expression: 28, _document: 6, _value: 20, _name: 8, _mutated: 20, _encoded: 4, _command: 7, _stored: 5,
     _report: 2,
 }  # fmt: skip
 """How inputs are made, and how many in a hundred."""
