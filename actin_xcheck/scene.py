@@ -44,6 +44,9 @@ MAX_SIZE = 200_000
 MOST_UNSTABLE = 15_000.0
 """Of growth over diffusion: about 40 unstable modes of an angular number, listed in two seconds."""
 
+FASTEST = 1e6
+"""Bound of the rates among which those of a mode are searched for, by halving."""
+
 MAX_DOTS = 20
 """In a key: the parser keeps every beginning of a dotted key, which takes the square of their number."""
 
@@ -152,6 +155,9 @@ class Scene(Table):
                 f"should be at least (1 + (psi + |p|)/(mu1 + mu2))/{MOST_UNSTABLE:g} where a mode is given"
             )
             raise mistake("parameters.d", p.d, valid)
+        if (1 + p.psi + abs(p.p)) > FASTEST * p.mu1:
+            valid = f"should be at least (1 + psi + |p|)/{FASTEST:g} where a mode is given"
+            raise mistake("parameters.mu1", p.mu1, valid)
 
     @model_validator(mode="after")
     def _references_are_reached(self) -> Self:

@@ -139,9 +139,7 @@ def examine(given: Input, sandbox: Sandbox, draw: random.Random) -> Answer:
                 case "command":
                     ending, problem = _told(given.words)
                 case "stored report":
-                    for name, content in given.files:
-                        (sandbox.out / name).parent.mkdir(exist_ok=True, parents=True)
-                        (sandbox.out / name).write_bytes(content)
+                    _lay_out(given.files, sandbox.out)
                     ending, problem = _told(("report", "out"))
                 case "stored run":
                     read_run(path)
@@ -222,14 +220,21 @@ def _warm_up(out: Path) -> None:
     """Load what is imported and compiled on first use, which is no input's doing."""
     for name in METHODS:
         runs.run(load_scene("static-decay"), METHODS[name], 2, 0.25, out / name)
+    for kind in REPORTS:
+        _lay_out(tuple(a_report(kind).items()), out / kind)
+        _told(("report", str(out / kind)))
+
+
+def _lay_out(files: tuple[tuple[str, bytes], ...], folder: Path) -> None:
+    for name, content in files:
+        (folder / name).parent.mkdir(exist_ok=True, parents=True)
+        (folder / name).write_bytes(content)
 
 
 def campaign(count: int, seed: int) -> tuple[list[Answer], float]:
     """Examine `count` inputs; the answers, and by how many megabytes they let the process grow."""
     draw = random.Random(seed)
     a_run()
-    for kind in REPORTS:
-        a_report(kind)
     answers = []
     patched, runs.provenance = runs.provenance, functools.cache(runs.provenance)  # git, once
     try:
