@@ -1,0 +1,1 @@
+"""Every number of every night in one file, and what changed when."""

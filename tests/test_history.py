@@ -1,0 +1,493 @@
+"""The history: nights that get in whole or not at all, and changes found in the night they came in."""
+
+import json
+import math
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from dataclasses import replace
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.cli import app
+from actin_xcheck.errors import UserError
+from actin_xcheck.history.changes import FALSE_ALARM, Shape, changes
+from actin_xcheck.history.database import (
+    append,
+    find_night,
+    read_claims,
+    read_nights,
+    read_numbers,
+    read_series,
+)
+from actin_xcheck.history.record import Judged, Kind, Night, Number, Series
+from actin_xcheck.history.steps import differences, events, turned
+
+NIGHTS = 60
+ROUND_OFF = 1e-9
+
+
+def night(number: int, **other) -> Night:
+    """The number-th night, from 1 on, each with a commit of its own."""
+    date = datetime(2026, 3, 1, 2) + timedelta(number - 1)
+    made = Night(f"{date:%Y-%m-%d}", f"{date.isoformat()}+00:00", f"{number:040d}", {"numpy": "2.4"}, "here")
+    return replace(made, **other)
+
+
+def series(key: str, kind: Kind, values, **other) -> Series:
+    values = np.asarray(values, dtype=float)
+    return Series(key, kind, "", tuple(night(i + 1, **other) for i in range(len(values))), values)
+
+
+def noise(random: np.random.Generator, relative: float = 0.1, count: int = NIGHTS) -> np.ndarray:
+    return relative * random.standard_normal(count)
+
+
+def later(first: int, count: int = NIGHTS) -> np.ndarray:
+    """1 from a night on, counted from 1, and 0 before."""
+    return (np.arange(1, count + 1) >= first).astype(float)
+
+
+def claim(value: float, statement: str = "FEM and FV agree") -> Judged:
+    return Judged(
+        Claim("fig14", ("fem-p1", "fv"), statement, value, 0.02, "compare fig14", "/a", "why"), 3.0, "f"
+    )
+
+
+def kept(path, number: int, **values: float) -> Night:
+    return append(path, night(number), [Number(key, Kind.ERROR, value) for key, value in values.items()])
+
+
+# the database
+
+
+def test_a_night_comes_back_as_it_went_in(tmp_path):
+    path = tmp_path / "reports" / "history.sqlite"
+    given = night(1, budget=1800.0, command="nightly", versions={"numpy": "2.4", "fipy": "4.0"})
+    numbers = [
+        Number("error/a", Kind.ERROR, 1e-3, "", "a.vtkhdf"),
+        Number("order/a", Kind.ORDER, math.inf),
+        Number("time/a", Kind.TIME, math.nan, "s"),
+    ]
+    assert append(path, given, numbers, [claim(0.01), claim(math.nan, "it ends")]) == replace(given)
+    (found,) = read_nights(path)
+    assert replace(found.night, seconds=0.0) == replace(given, seconds=0.0)
+    assert math.isnan(found.night.seconds)
+    assert (found.numbers, dict(found.verdicts)) == (3, {"PASS": 1, "FAIL": 1})
+    again = read_numbers(path, given.name)
+    assert again[:2] == numbers[:2]
+    assert math.isnan(again[2].value)
+    assert read_claims(path, given.name)[claim(0.01).key] == claim(0.01)
+
+
+def test_nights_are_in_the_order_of_their_dates_and_series_follow_them(tmp_path):
+    path = tmp_path / "h.sqlite"
+    for number in (3, 1, 2):
+        kept(path, number, **{"error/a": float(number), "error/b": 1.0})
+    assert [one.night.name for one in read_nights(path)] == [night(number).name for number in (1, 2, 3)]
+    (found,) = read_series(path, "*/a")
+    assert found.values.tolist() == [1.0, 2.0, 3.0]
+    assert [one.commit for one in found.nights] == [night(number).commit for number in (1, 2, 3)]
+
+
+def test_names_and_keys_given_twice_are_kept_apart(tmp_path):
+    path = tmp_path / "h.sqlite"
+    names = [append(path, night(1), [Number("a", Kind.ERROR, 1.0)] * 2, [claim(0.01)] * 2).name for _ in "ab"]
+    assert names == ["2026-03-01", "2026-03-01-2"]
+    assert [one.key for one in read_numbers(path, names[1])] == ["a", "a-2"]
+    assert len(read_claims(path, names[1])) == 2
+
+
+def test_a_night_is_found_by_how_its_name_begins(tmp_path):
+    path = tmp_path / "h.sqlite"
+    for number in (1, 2, 32):
+        kept(path, number, a=1.0)
+    kept(path, 1, a=1.0)
+    nights = read_nights(path)
+    assert find_night(nights, "2026-04").night.name == "2026-04-01"
+    assert find_night(nights, "2026-03-01").night.name == "2026-03-01"  # and not 2026-03-01-2
+    with pytest.raises(
+        UserError, match=r"2026-03: several nights begin so; such as 2026-03-01, 2026-03-01-2"
+    ):
+        find_night(nights, "2026-03")
+    with pytest.raises(UserError, match=r"1999: no night begins so"):
+        find_night(nights, "1999")
+
+
+KILLED = """
+import os, signal, sys
+import actin_xcheck
+from actin_xcheck.history.database import append
+from actin_xcheck.history.record import Kind, Night, Number
+
+class Deadly(Number):
+    @property
+    def key(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    @key.setter
+    def key(self, key):
+        pass
+
+many = [Number("k%d" % i, Kind.ERROR, 1.0, source="x" * 200) for i in range(30000)]
+deadly = Number.__new__(Deadly)
+append(sys.argv[1], Night("new", "2027-01-01", "c", {"numpy": "1"}, "m"), [*many, deadly])
+"""
+
+
+def test_of_a_night_that_is_killed_nothing_is_left(tmp_path):
+    path = tmp_path / "h.sqlite"
+    kept(path, 1, a=1.0)
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False, capture_output=True)
+    assert ended.returncode == -signal.SIGKILL
+    left = os.path.getsize(path.with_name("h.sqlite-journal"))
+    assert left > 0  # it had begun to write
+    assert [one.night.name for one in read_nights(path)] == [night(1).name]
+    assert [one.key for one in read_series(path)] == ["a"]
+    kept(path, 2, a=2.0)
+    assert sqlite3.connect(path).execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+WRITER = """
+import sys
+import actin_xcheck
+from actin_xcheck.history.database import append
+from actin_xcheck.history.record import Kind, Night, Number
+for i in range(10):
+    numbers = [Number("k%d" % k, Kind.ERROR, 1.0) for k in range(300)]
+    append(sys.argv[1], Night("same", "2027-01-01", sys.argv[2], {}, "m"), numbers)
+"""
+
+
+def test_nights_written_at_once_all_get_in(tmp_path):
+    path = tmp_path / "new" / "h.sqlite"
+    writers = [subprocess.Popen([sys.executable, "-c", WRITER, str(path), who]) for who in "ab"]
+    assert [writer.wait() for writer in writers] == [0, 0]
+    nights = read_nights(path)
+    assert sorted(one.night.commit for one in nights) == ["a"] * 10 + ["b"] * 10
+    assert {one.numbers for one in nights} == {300}
+    assert len({one.night.name for one in nights}) == 20
+
+
+def test_files_that_are_no_history_are_one_line(tmp_path):
+    path = tmp_path / "h.sqlite"
+    with pytest.raises(UserError, match="no such file"):
+        read_nights(path)
+    assert not path.exists()
+    kept(path, 1, **{f"k{i}": 1.0 for i in range(2000)})
+    whole = path.read_bytes()
+    for damaged in (
+        b"hello\n" * 1000,
+        whole[: len(whole) // 2],
+        whole[:4096] + b"\xff" * 8192 + whole[12288:],
+    ):
+        path.write_bytes(damaged)
+        for asked in (
+            read_nights,
+            read_series,
+            lambda path: kept(path, 2, **{f"k{i}": 1.0 for i in range(2000)}),
+        ):
+            with pytest.raises(UserError, match=r"h\.sqlite: not a whole history"):
+                asked(path)
+    path.unlink()
+    with sqlite3.connect(path) as other:
+        other.execute("CREATE TABLE nights (name TEXT)")
+    with pytest.raises(UserError, match="a database of something else"):
+        kept(path, 1, a=1.0)
+    path.write_bytes(whole)
+    with sqlite3.connect(path) as newer:
+        newer.execute("PRAGMA user_version = 99")
+    with pytest.raises(UserError, match="schema 99, but this version reads schema 1"):
+        read_nights(path)
+
+
+def test_values_that_are_none_are_one_line(tmp_path):
+    path = tmp_path / "h.sqlite"
+    kept(path, 1, a=1.0)
+    with sqlite3.connect(path) as rows:
+        rows.execute("UPDATE numbers SET kind = 'colour'")
+    with pytest.raises(UserError, match="'colour' is not a valid Kind"):
+        read_series(path)
+
+
+# changes of one sequence
+
+
+def test_noise_alone_is_reported_no_more_often_than_stated():
+    random = np.random.default_rng(1)
+    looks = 2000
+    found = [one for _ in range(looks) for one in changes(noise(random), ROUND_OFF)]
+    steps = sum(one.shape is not Shape.SUSPECT for one in found)
+    # three standard deviations of a count above what is stated
+    most = FALSE_ALARM * looks + 3 * math.sqrt(FALSE_ALARM * looks)
+    assert steps <= most
+    assert len(found) - steps <= 2 * most
+
+
+@pytest.mark.parametrize(
+    ("first", "size", "sigma", "found_at_least", "right_at_least"),
+    [
+        (45, math.log(1.2), 0.1, 0.88, 0.5),  # 6.2 standard errors; the night itself is not to be had surely
+        (37, -0.2, 0.02, 0.98, 0.99),
+        (37, -0.2, 0.05, 0.95, 0.9),
+        (58, math.log(2.0), 0.05, 0.95, 0.99),  # three nights ago
+    ],
+)
+def test_steps_are_found_and_their_nights_covered(first, size, sigma, found_at_least, right_at_least):
+    random = np.random.default_rng(2)
+    looks = 200
+    found = [changes(noise(random, sigma) + size * later(first), ROUND_OFF) for _ in range(looks)]
+    alone = [one[0] for one in found if len(one) == 1 and one[0].shape is Shape.STEP]
+    assert len(alone) >= found_at_least * looks
+    assert np.mean([one.first == first - 1 for one in alone]) >= right_at_least
+    assert np.mean([one.within[0] <= first - 1 <= one.within[1] for one in alone]) >= 0.93
+    errors = np.array([(one.size - size) / one.error for one in alone])
+    assert abs(np.mean(errors)) < 0.5
+    assert np.std(errors) < 1.5
+
+
+def test_there_and_back_are_two_steps():
+    random = np.random.default_rng(3)
+    y = noise(random) + 0.5 * (later(21) - later(41))
+    assert [(one.first, one.size > 0) for one in changes(y, ROUND_OFF)] == [(20, True), (40, False)]
+
+
+def test_one_outlier_is_no_step_and_hides_none():
+    random = np.random.default_rng(4)
+    for _ in range(50):
+        y = noise(random)
+        y[random.integers(0, NIGHTS - 3)] += 1.5
+        assert changes(y, ROUND_OFF) == []
+    y = noise(random, 0.03) + 0.2 * later(30)
+    y[[10, 50]] += 1.5
+    (step,) = changes(y, ROUND_OFF)
+    assert step.first == 29
+
+
+@pytest.mark.parametrize("rate", [-0.02, 0.02])
+def test_a_creeping_number_is_a_drift_from_its_night_on(rate):
+    random = np.random.default_rng(5)
+    found = [changes(noise(random, 0.05) + rate * np.cumsum(later(31)), ROUND_OFF) for _ in range(100)]
+    drifts = [one[0] for one in found if len(one) == 1 and one[0].shape is Shape.DRIFT]
+    assert len(drifts) >= 95
+    assert np.mean([one.within[0] <= 30 <= one.within[1] for one in drifts]) >= 0.9
+    assert np.mean([one.size for one in drifts]) == pytest.approx(30 * rate, rel=0.05)
+
+
+def test_the_newest_night_is_a_suspect_and_three_make_a_step():
+    random = np.random.default_rng(6)
+    y = noise(random, 0.05) + later(58)
+    kinds = [[(one.shape, one.first) for one in changes(y[:count], ROUND_OFF)] for count in range(57, 61)]
+    suspect, step = (Shape.SUSPECT, 57), (Shape.STEP, 57)
+    assert kinds == [[], [suspect], [suspect], [step]]
+
+
+def test_a_persistent_noise_is_held_to_more():
+    random = np.random.default_rng(7)
+    found = 0
+    for _ in range(500):
+        y = noise(random)
+        for i in range(1, NIGHTS):
+            y[i] = 0.3 * y[i - 1] + math.sqrt(1 - 0.3**2) * y[i]
+        found += bool(changes(y, ROUND_OFF))
+    assert found <= 15  # 3 %
+
+
+def test_without_noise_any_change_is_certain_at_once():
+    y = np.full(NIGHTS, -3.0)
+    assert changes(y, ROUND_OFF) == []
+    assert changes(y + 1e-12 * np.arange(NIGHTS) / NIGHTS, ROUND_OFF) == []
+    y[36:] += 1e-7
+    y[59] += 1.0
+    first, last = changes(y, ROUND_OFF)
+    assert (first.first, last.first) == (36, 59)
+    assert first.exact
+    assert first.size == pytest.approx(1e-7)
+
+
+@pytest.mark.parametrize("count", range(1, 12))
+def test_short_sequences_are_judged_or_left_alone(count):
+    random = np.random.default_rng(8)
+    for _ in range(50):
+        changes(noise(random, count=count), ROUND_OFF)
+        changes(random.choice([1.0, 1.0, 1.0, 2.0], count), ROUND_OFF)
+
+
+# events of many series
+
+
+def history(seed: int, others: int = 20) -> list[Series]:
+    """60 nights: an order loses 0.2 in night 37, a time a fifth in night 45, and 10 % noise elsewhere."""
+    random = np.random.default_rng(seed)
+    found = [
+        series("order/dropped", Kind.ORDER, 2 + noise(random, 0.02) - 0.2 * later(37)),
+        series("time/slower", Kind.TIME, 3 * np.exp(noise(random)) * 1.2 ** later(45)),
+    ]
+    for number in range(others):
+        kind = (Kind.TIME, Kind.ERROR, Kind.MEMORY, Kind.RATE)[number % 4]
+        found.append(series(f"{kind}/{number}", kind, 5 * np.exp(noise(random))))
+    return found
+
+
+def test_the_synthetic_history_over_many_seeds():
+    looks = 300
+    both = covered = other = 0
+    for seed in range(looks):
+        found = events(history(seed, 6))
+        order = [event for event in found if event.key == "order/dropped" and event.night == night(37)]
+        time = [event for event in found if event.key == "time/slower" and event.shape is Shape.STEP]
+        both += bool(order and time)
+        covered += bool(time) and night(45) in time[0].within
+        other += len(found) - len(order) - len(time)
+        assert {event.direction for event in order + time} <= {"worse"}
+    assert both >= 0.88 * looks
+    # what is stated, and three standard deviations of the count
+    assert other <= 0.02 * looks + 3 * math.sqrt(0.02 * looks)
+    assert covered >= 0.95 * both - 3 * math.sqrt(0.95 * 0.05 * both)
+
+
+def test_a_change_is_put_to_the_night_with_anything_new():
+    nights = tuple(night(i + 1, commit="new" if i >= 44 else "old") for i in range(NIGHTS))
+    right = guessed = 0
+    for seed in range(60):
+        y = 3 * np.exp(noise(np.random.default_rng(seed))) * 1.3 ** later(45)
+        (event,) = events([Series("time/a", Kind.TIME, "s", nights, y)])
+        right += event.news == ("commit old -> new",) and event.night == nights[44]
+        guessed += changes(np.log(y), ROUND_OFF)[0].first == 44
+    assert right >= 57
+    assert guessed < right  # what the numbers alone would say
+
+
+def test_times_of_another_machine_are_no_slowdown_and_errors_are():
+    random = np.random.default_rng(12)
+    nights = tuple(night(i + 1, machine="a" if i < 30 else "b") for i in range(NIGHTS))
+    values = np.exp(noise(random)) * 3.0 ** later(31)
+    found = events([Series(f"{kind}/x", kind, "", nights, values) for kind in (Kind.TIME, Kind.ERROR)])
+    assert [(event.key, event.night) for event in found] == [("error/x", nights[30])]
+    assert "machine a -> b" in found[0].news
+
+
+def test_small_changes_are_left_out_where_noisy_and_minor_where_exact():
+    random = np.random.default_rng(13)
+    small = 1.05 ** later(31)
+    found = events(
+        [
+            series("time/noisy", Kind.TIME, np.exp(noise(random, 0.01)) * small),
+            series("error/exact", Kind.ERROR, small),
+            series("error/gross", Kind.ERROR, 8.0 ** later(20)),
+        ]
+    )
+    assert [(event.key, event.minor) for event in found] == [("error/gross", False), ("error/exact", True)]
+    assert found[0].change == "1 -> 8 (x 8)"
+
+
+def test_a_number_that_cannot_be_had_any_more_is_lost():
+    values = np.where(later(50), math.nan, 1.0)
+    (event,) = events(
+        [series("error/a", Kind.ERROR, values), series("error/never", Kind.ERROR, [math.nan] * 9)]
+    )
+    assert (event.shape, event.night) == (Shape.LOST, night(50))
+
+
+# two nights
+
+
+def test_differences_are_sorted_by_what_is_of_interest():
+    old = [
+        Number("error/same", Kind.ERROR, 1.0),
+        Number("error/zero", Kind.ERROR, 0.0),
+        Number("error/twice", Kind.ERROR, 1e-3),
+        Number("order/a", Kind.ORDER, 2.0),
+        Number("time/a", Kind.TIME, 1.0),
+        Number("time/gone", Kind.TIME, 1.0),
+    ]
+    new = [
+        Number("error/same", Kind.ERROR, 1.0 + 1e-12),
+        Number("error/zero", Kind.ERROR, 1e-17),
+        Number("error/twice", Kind.ERROR, 4e-3),
+        Number("order/a", Kind.ORDER, 2.3),
+        Number("time/a", Kind.TIME, 1.05),
+        Number("count/new", Kind.COUNT, 3.0),
+    ]
+    found = differences(old, new)
+    assert [(one.key, one.direction) for one in found] == [
+        ("count/new", "new"),
+        ("time/gone", "gone"),
+        ("order/a", "better"),
+        ("error/twice", "worse"),
+        ("time/a", "worse"),
+    ]
+    assert [one.weight for one in found[2:]] == pytest.approx([3.0, 2.0, math.log(1.05) / math.log(1.15)])
+
+
+def test_claims_that_turn_are_listed_failures_first():
+    old = {"a": claim(0.01), "b": claim(0.03), "c": claim(0.01), "d": claim(0.01)}
+    new = {"a": claim(0.01), "b": claim(0.01), "c": claim(0.03)}
+    assert [(one.key, one.was, one.now) for one in turned(old, new)] == [
+        ("c", "PASS", "FAIL"),
+        ("b", "FAIL", "PASS"),
+        ("d", "PASS", "none"),
+    ]
+
+
+# the commands
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    path = tmp_path_factory.mktemp("history") / "h.sqlite"
+    through = history(1)
+    for at in range(NIGHTS):
+        numbers = [Number(one.key, one.kind, float(one.values[at])) for one in through]
+        append(path, night(at + 1), numbers, [claim(0.03 if at >= 50 else 0.01)])
+    return path
+
+
+def said(*words) -> str:
+    answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    assert answer.exit_code == 0
+    return answer.output
+
+
+def test_history_lists_nights_numbers_and_changes(written):
+    nights = said("history", "--file", written)
+    assert len(nights.splitlines()) == NIGHTS + 1
+    assert "2026-03-01" in nights
+    numbers = said("history", "--key", "order/*", "--file", written)
+    assert len(numbers.splitlines()) == 2
+    steps = said("history", "--steps", "--file", written)
+    assert "23 numbers: 3 changes, 0 minor ones, 0 suspects" in steps
+    for first, key in (
+        ("2026-04-06", "order/dropped"),
+        ("2026-04-14", "time/slower"),
+        ("2026-04-20", "claim/fig14"),
+    ):
+        assert any(first in line and key in line for line in steps.splitlines())
+    assert "commit 000000000000 -> 000000000000" not in steps
+
+
+def test_the_same_as_json(written):
+    found = json.loads(said("history", "--steps", "--key", "order/*", "--json", "--file", written))
+    assert len(found["nights"]) == NIGHTS
+    assert found["nights"][0]["budget"] == "inf"
+    assert len(found["series"][0]["values"]) == NIGHTS
+    (step,) = found["steps"]
+    assert (step["key"], step["night"], step["commit"]) == ("order/dropped", "2026-04-06", night(37).commit)
+    assert step["within"] == ["2026-04-06"]
+
+
+def test_diff_shows_what_turned_and_what_changed(written):
+    text = said("diff", "2026-03-20", "2026-04-29", "--file", written)
+    assert "1 claims turned" in text
+    assert "PASS" in text
+    assert "order/dropped" in text
+    found = json.loads(said("diff", "2026-03-20", "2026-04-29", "--json", "--file", written))
+    assert found["claims"][0]["now"] == "FAIL"
+    assert found["numbers"][0]["weight"] >= found["numbers"][1]["weight"]
+    assert said("diff", "2026-03-20", "2026-03-20", "--file", written).count("\n") == 3
