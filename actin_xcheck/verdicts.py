@@ -13,7 +13,9 @@ from typing import Literal
 import numpy as np
 
 from actin_xcheck import lagrange
+from actin_xcheck.accuracy import change
 from actin_xcheck.claims import Claim
+from actin_xcheck.fidelity import Fidelity
 from actin_xcheck.model import Array
 from actin_xcheck.prediction import fit_growth, growth_rate
 from actin_xcheck.resolve import in_scene_frame, turn_matrix
@@ -23,6 +25,15 @@ from actin_xcheck.tables import Bound
 
 CONSERVATION_BOUND = 1e-12
 
+LINEAR_BOUND = 1e-8
+"""Of the rate of one linear mode, relative: round-off of 1e-16 over an amplitude of 1e-6, and a fit of it."""
+
+TOLERANCES = 10.0
+"""The errors of all steps, in tolerances of one: they add up, and grow with the cell."""
+
+SAME = 1e-10
+"""Relative difference of two runs that differ in round-off."""
+
 
 def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
     """Return every claim that can be made about a scene's runs, given by method name."""
@@ -31,6 +42,48 @@ def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
         if one.split("-")[0] != other.split("-")[0]:  # one code against the other
             claims += _agreement(scene, (one, first), (other, second))
     return claims
+
+
+def keeps_tolerance(scene: Scene, method: str, run: Run, tighter: Run) -> Claim:
+    """Whether a run that chose its steps is as accurate as it was asked to be.
+
+    Parameters
+    ----------
+    scene, method : of both runs, on one mesh.
+    run, tighter : by a tolerance, and by one so much smaller that its own error does not count.
+    """
+    rtol = float(run.attributes["rtol"])
+    return _difference(
+        scene,
+        method,
+        (run, tighter),
+        f"steps chosen by the tolerance {rtol:g} keep it (largest change of area, total actin and probes "
+        f"with a tolerance {rtol / tighter.attributes['rtol']:.0f} times smaller)",
+        TOLERANCES * rtol,
+        f"bound = {TOLERANCES:g} tolerances",
+    )
+
+
+def same_as_whole(scene: Scene, method: str, part: Run, whole: Run) -> Claim:
+    """Whether a sector of the cell gives what the whole cell gives, on the same mesh with the same steps."""
+    statement = (
+        "a sector and the whole cell are the same (largest difference of area, total actin and probes)"
+    )
+    return _difference(
+        scene, method, (part, whole), statement, SAME, "one differs from the other in round-off"
+    )
+
+
+def _difference(
+    scene: Scene, method: str, runs: tuple[Run, Run], statement: str, bound: float, note: str
+) -> Claim:
+    """What two runs by one method must not differ by at the output times; no number where one failed."""
+    completed = all(run.attributes["outcome"] == "completed" for run in runs)
+    value = change(*runs, scene.output_times) if completed else np.nan
+    path = _path(scene, method, "run/series")
+    return Claim(
+        scene.name, (method,), statement, value, bound, str(runs[0].attributes["command"]), path, note
+    )
 
 
 def _path(scene: Scene, method: str, what: str) -> str:
@@ -118,9 +171,11 @@ class _Judge:
         assert expected is not None
         bound, note = _bound(expected.bound, self.run)
         rate, measured = growth_rate(self.scene.physics, expected.m, expected.n), complex("nan")
+        # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
+        exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode and not rate.imag else 2
+        if exponentials == 1 and self.run.attributes.get("fidelity") == Fidelity.MODAL:
+            bound, note = LINEAR_BOUND, "linear modes are carried exactly"
         if self._completed():
-            # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
-            exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode and not rate.imag else 2
             time, amplitude = self.run.series["time"], self.run.series["mode_amplitude"]
             try:
                 measured = fit_growth(time, amplitude, expected.window, exponentials).rate

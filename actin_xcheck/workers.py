@@ -3,8 +3,10 @@
 import multiprocessing
 import os
 import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TypeVar
 
 Task = TypeVar("Task")
@@ -12,6 +14,18 @@ Result = TypeVar("Result")
 
 Report = Callable[[str, int, int], None]
 """Called with a label, parts done and parts in all."""
+
+_IN_TURN = ContextVar("in turn", default=False)
+
+
+@contextmanager
+def in_turn() -> Iterator[None]:
+    """Within it, tasks are worked off one by one in this process: others do not see what it has changed."""
+    before = _IN_TURN.set(True)
+    try:
+        yield
+    finally:
+        _IN_TURN.reset(before)
 
 
 def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], report: Report) -> list[Result]:
@@ -25,6 +39,8 @@ def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], repo
 
     Raises whatever `work` raises, after the others have finished; an interrupt ends the workers at once.
     """
+    if _IN_TURN.get():
+        return [work(task, report) for task in tasks]
     if not tasks:
         return []
     context = multiprocessing.get_context("spawn")

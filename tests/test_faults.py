@@ -1,12 +1,35 @@
 """Negative controls: what the harness calls right must turn red when the code is made wrong."""
 
-import pytest
+import os
+import pickle
+from dataclasses import replace
+from inspect import getattr_static
 
+import numpy as np
+import pytest
+import typer
+
+from actin_xcheck import faults_command
+from actin_xcheck.claims import Claim
+from actin_xcheck.cli import report_command
+from actin_xcheck.errors import UserError
+from actin_xcheck.faults.catalogue import FAULTS as CATALOGUE
+from actin_xcheck.faults.catalogue import find_faults
+from actin_xcheck.faults.checks import Compared, Reduced
+from actin_xcheck.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
+from actin_xcheck.faults.hunt import hunt
+from actin_xcheck.faults.record import FILE_NAME, read_hunt
+from actin_xcheck.fidelity import Fidelity
 from actin_xcheck.registry import METHODS
 from actin_xcheck.runs import run
 from actin_xcheck.scene import load_scene
 from actin_xcheck.store import read_run
 from actin_xcheck.verdicts import judge
+from actin_xcheck.workers import in_turn, work_off
+from fem.space import Space
+from fv.krylov import Operator
+from fv.second_order import FvSecondOrder
+from fv.solver import FvDiamond
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
 
@@ -50,3 +73,163 @@ def test_a_fault_turns_a_verdict_red(fault, name, method, tmp_path, monkeypatch)
     FAULTS[fault](monkeypatch)
     failed = [claim.statement for claim in verdicts(name, tmp_path, (method,)) if not claim.holds]
     assert failed, f"nothing caught: {fault}"
+
+
+# the registry of faults, and the hunt for them
+
+STILL = Compared("static-decay", (FEM, FV), 2, 10)
+NARROW = Reduced("smooth-fronts", FEM, Fidelity.SECTOR, 2, 10)
+MODES = Reduced("mode-1-cell", "fem-p4-imex4", Fidelity.MODAL, 1, 20, 1e-4)
+NOTHING = Fault("nothing", "Nothing is wrong.", "fv", "fv.krylov:solve", unchanged)
+
+
+def hunted(fault, *suite):
+    """The hunt for one fault, in this process."""
+    with in_turn():
+        found = hunt([fault], suite=suite)
+    assert [clean.red for clean in found.clean] == [() for _ in suite]
+    return found
+
+
+def breaks_down(right, *arguments):
+    raise TypeError("not such arguments")
+
+
+def test_every_fault_names_what_is_there_and_can_be_told_to_a_worker():
+    assert len(CATALOGUE) >= 50
+    for name, fault in CATALOGUE.items():
+        with replaced(fault.target):
+            pass
+        assert pickle.loads(pickle.dumps(fault)) == fault
+        assert fault.name == name
+        assert fault.code in {"fem", "fv", "both", "harness"}
+        assert fault.sentence.endswith(".")
+
+
+def test_a_fault_is_gone_afterwards_whatever_it_replaces():
+    held = {Operator: "__call__", Space: "inside", FvSecondOrder: "_source", Compared: "name"}
+    before = {owner: getattr_static(owner, name) for owner, name in held.items()}
+    targets = tuple(f"{owner.__module__}:{owner.__qualname__}.{name}" for owner, name in held.items())
+    with watched(targets) as calls:
+        assert STILL.name == "compare static-decay fem-p1-paper fv-coupled refine 2"
+        assert getattr_static(FvSecondOrder, "_source") is not FvDiamond._source
+    assert [one.count for one in calls.values()] == [0, 0, 0, 1]
+    assert {owner: getattr_static(owner, name) for owner, name in held.items()} == before
+    assert "_source" not in vars(FvSecondOrder)
+
+
+@pytest.mark.parametrize("target", ["fv.krylov:gone", "fv.krylov:Operator.gone", "fv.gone:solve"])
+def test_a_control_whose_target_is_gone_is_an_error(target):
+    with pytest.raises(ControlError, match="is gone"), injected(replace(NOTHING, target=target)):
+        pass
+
+
+def test_a_control_that_never_ran_is_an_error():
+    with pytest.raises(ControlError, match="never called"), injected(NOTHING):
+        pass
+
+
+def test_an_error_within_is_not_hidden_by_one_about_the_control():
+    with pytest.raises(KeyError, match="mine"), injected(NOTHING):
+        raise KeyError("mine")
+
+
+@pytest.mark.parametrize(
+    ("name", "check", "words"),
+    [
+        ("fv-leak", STILL, "balance"),
+        ("uncertainty-too-small", STILL, "their uncertainties are too small"),
+        ("modal-rate-off", MODES, "grows at the predicted rate"),
+        ("sector-too-narrow", NARROW, "a sector and the whole cell are the same"),
+    ],
+)
+def test_a_fault_is_caught_by_the_claim_that_is_there_for_it(name, check, words):
+    found = hunted(CATALOGUE[name], check)
+    (caught,) = found.found
+    assert found.holds
+    assert caught.check == check.name
+    assert words in caught.claim.statement
+    assert caught.claim.value > 2 * caught.claim.bound
+
+
+def test_no_fault_is_not_caught():
+    found = hunted(NOTHING, STILL)
+    (missed,) = found.found
+    assert not found.holds
+    assert (missed.claim, missed.passed, missed.trouble) == (None, (STILL.name,), "")
+
+
+def test_a_check_that_breaks_down_has_caught_nothing():
+    (missed,) = hunted(replace(NOTHING, wrong=breaks_down), STILL).found
+    assert not missed.caught
+    assert missed.trouble == f"{STILL.name} broke down: TypeError: not such arguments"
+
+
+def test_a_fault_that_no_check_reaches_is_not_caught():
+    (missed,) = hunted(replace(NOTHING, target="fem.radial:Radial._shape"), STILL).found
+    assert missed.trouble == "no green check calls fem.radial:Radial._shape"
+
+
+class Red:
+    """A check that is red without a fault."""
+
+    name, bounded = "red", True
+
+    def claims(self, folder):
+        return [Claim("scene", (FV,), "something holds", np.nan, 1.0, "command", "/path")]
+
+
+def test_a_check_that_is_red_without_a_fault_catches_nothing():
+    with in_turn():
+        found = hunt([NOTHING], suite=[Red()])
+    assert not found.holds
+    assert found.clean[0].red[0].statement == "something holds"
+    assert not found.found[0].caught
+
+
+def process(task, report):
+    report(task, 1, 1)
+    return task, os.getpid()
+
+
+def test_work_is_done_in_turn_and_here_where_that_is_asked_for():
+    said = []
+    with in_turn():
+        done = work_off(process, ["b", "a"], lambda *told: said.append(told))
+    assert done == [("b", os.getpid()), ("a", os.getpid())]
+    assert said == [("b", 1, 1), ("a", 1, 1)]
+
+
+def test_an_unknown_fault_is_a_mistake():
+    with pytest.raises(UserError, match="--only: 'gone' is not a fault; valid: rim-integral-sign, "):
+        find_faults(["fv-leak", "gone"])
+
+
+@pytest.mark.parametrize(("fault", "code"), [(CATALOGUE["fv-leak"], 0), (NOTHING, 1)])
+def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(faults_command, "find_faults", lambda only: [fault])
+    monkeypatch.setattr(faults_command, "hunt", lambda faults, report: hunt(faults, report, [STILL]))
+    with pytest.raises(typer.Exit) as ended, in_turn():
+        faults_command.faults_command([fault.name], tmp_path, quiet=True)
+    assert ended.value.exit_code == code
+    said = capsys.readouterr().out
+    assert f"{1 - code} of 1 faults caught" in said
+    assert ("NOT CAUGHT nothing: Nothing is wrong. (1 checks stayed green)" in said) == bool(code)
+    stored = read_hunt(tmp_path / FILE_NAME)
+    (row,), (clean,) = stored.faults, stored.checks
+    assert (row.name, row.caught, clean.name, clean.red) == (fault.name, not code, STILL.name, ())
+    assert np.isnan(row.value) if code else row.value > 1e-11
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert f"{1 - code} of 1</span> deliberate faults caught" in page
+    assert fault.sentence in page
+    (tmp_path / "index.html").unlink()
+    report_command(tmp_path)
+    assert (tmp_path / "index.html").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.slow
+def test_every_fault_is_caught():
+    """About five minutes on two cores."""
+    found = hunt(list(CATALOGUE.values()))
+    assert [clean.check.name for clean in found.clean if clean.red] == []
+    assert {one.fault.name: one.trouble for one in found.found if not one.caught} == {}
