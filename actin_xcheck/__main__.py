@@ -1,6 +1,11 @@
 """`python -m actin_xcheck`."""
 
-from actin_xcheck.cli import main
+import sys
+
+try:
+    from actin_xcheck.cli import main
+except KeyboardInterrupt:  # within the seconds of imports nothing has begun
+    sys.exit(130)
 
 if __name__ == "__main__":
     main()

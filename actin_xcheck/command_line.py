@@ -25,3 +25,9 @@ def make_folder(folder: Path) -> Path:
 def command() -> str:
     """The command this process was started with, to be typed again."""
     return "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+
+
+def resuming_command() -> str:
+    """The one that goes on with what this process has begun."""
+    words = [word for word in sys.argv[1:] if word not in ("--force", "--resume")]
+    return "python -m actin_xcheck " + shlex.join([*words, "--resume"])

@@ -17,6 +17,8 @@ class Ending(StrEnum):
     NOT_CONVERGED = "not_converged"
     """A linear solve left more than its tolerance."""
     NON_FINITE = "non_finite"
+    INTERRUPTED = "interrupted"
+    """Stopped from outside; its file holds a checkpoint from which it goes on."""
 
 
 @dataclass(frozen=True)

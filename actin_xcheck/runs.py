@@ -2,29 +2,36 @@
 
 import json
 import time
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from actin_xcheck.checkpoint import Keeper, earlier, stop_signals, taken_up
 from actin_xcheck.errors import UserError
 from actin_xcheck.fidelity import FULL, Fidelity, Reduction
+from actin_xcheck.files import locked
 from actin_xcheck.geometry import Mesh, disk, sector
 from actin_xcheck.motion import PrescribedMotion, RecordedMotion
+from actin_xcheck.outline import refined
 from actin_xcheck.registry import (
     FORCE_BALANCE,
     HAND_OVER,
+    METHODS,
     MODAL,
     RADIAL,
+    REMESHING,
     SECTOR,
+    SOUNDNESS,
     Method,
     find_method,
     load,
 )
 from actin_xcheck.resolve import mode_field, resolve, starts_from_steady_state
-from actin_xcheck.result import Outcome
+from actin_xcheck.result import Ending, Outcome
 from actin_xcheck.scene import Scene
-from actin_xcheck.solver import Mechanics, Problem, Solver
+from actin_xcheck.solver import Mechanics, Problem, Solver, State
 from actin_xcheck.stepping import Tolerance, integrate
 from actin_xcheck.store import RunWriter, provenance
 from actin_xcheck.watch import Amplitude, Corners, Paths, Progress, Recorder
@@ -62,21 +69,25 @@ def bind(
     dt: float,
     perturbed: bool = True,
     reduction: Reduction = FULL,
+    mesh: Mesh | None = None,
+    remesh: bool = False,
 ) -> Solver:
     """Return the method's solver for a scene, on its mesh and with whoever moves the nodes.
 
-    A driven method's driver is run here, in whole, with the same steps of at most dt.
+    A driven method's driver is run here, in whole, with the same steps of at most dt.  A user's mesh, whose
+    cells are divided `refine` times, stands in the disk's place as it lies; nothing is reduced then.  With
+    `remesh` the whole disk's mesh is replaced when it is about to fold, for methods that `remeshes` knows.
     """
     problem = reduction.applied(resolve(scene, perturbed))
     l0, rotation = problem.model.parameters.l0, np.deg2rad(scene.domain.rotation)
-    whole = disk(refine, l0, rotation)
+    whole = disk(refine, l0, rotation) if mesh is None else refined(mesh, l0, refine)
     solver: Solver
     if reduction.fidelity is Fidelity.RADIAL:
         solver = load(RADIAL)(problem, whole, max(refine, 2), RAY_DEGREE, method.order_dt)
         return solver
     recorded: Mechanics | None = None
     if problem.motion is None and method.driven_by is not None:
-        driver = bind(scene, find_method(method.driven_by), refine, dt, perturbed, reduction)
+        driver = bind(scene, find_method(method.driven_by), refine, dt, perturbed, reduction, mesh)
         paths = Paths()
         outcome = integrate(driver, dt, scene.output_times, paths)
         recorded = RecordedMotion(np.array(paths.times), tuple(paths.moves), outcome)
@@ -88,6 +99,12 @@ def bind(
         unfolded: Solver = load(SECTOR)(solver_for(problem, method, part), whole)
         return unfolded
 
+    if remesh:
+        solver = load(REMESHING)(
+            solver_for(problem, method, whole),
+            lambda mesh, balance: solver_for(problem, method, mesh, balance),
+        )
+        return solver
     if reduction.fidelity is not Fidelity.MODAL:
         return spatial(problem)
     modal = load(MODAL)(problem, whole, ANGULAR, MODAL_ELEMENTS, RAY_DEGREE)
@@ -113,6 +130,7 @@ def amplitude_of(
     dt: float,
     rtol: float | None = None,
     reduction: Reduction = FULL,
+    mesh: Mesh | None = None,
 ) -> Amplitude | None:
     """What measures the growth of the scene's mode in a run of `solver`; None where it names no mode.
 
@@ -128,7 +146,7 @@ def amplitude_of(
             f"{scene.origin}: growth is measured against an unperturbed run, step by step; "
             "valid: --dt without --rtol"
         )
-    twin = bind(scene, method, refine, dt, perturbed=False, reduction=reduction)
+    twin = bind(scene, method, refine, dt, perturbed=False, reduction=reduction, mesh=mesh)
     corners = Corners(twin)
     integrate(twin, dt, scene.output_times, corners)
     return Amplitude(scene, solver.mesh, corners.values)
@@ -144,8 +162,14 @@ def run(
     progress: Progress = lambda done, total: None,
     rtol: float | None = None,
     reduction: Reduction = FULL,
+    resume: bool = False,
+    heeds_signals: bool = False,
+    mesh: Mesh | None = None,
+    remesh: bool = False,
 ) -> Outcome:
     """Run a scene with a method and store everything about it.
+
+    While it lasts, and if it is killed, `unfinished(path)` holds its last checkpoint, see `Keeper`.
 
     Parameters
     ----------
@@ -157,28 +181,66 @@ def run(
     progress : called after every step.
     rtol : largest local error of a step, for an adaptive method; None for equal steps.
     reduction : how much of the model is solved, see `fidelity.reduced`.
+    resume : whether to go on from the checkpoint that an interrupted run of the same kind has left, to the
+        bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
+    heeds_signals : whether SIGINT and SIGTERM end the run after its step, as `interrupted`.
+    mesh : the user's, instead of the disk; `refine` divides its cells then, and the file names it.
+    remesh : whether the mesh is replaced when it is about to fold; the series counts how often.
 
     Returns
     -------
     The Outcome, which the file holds too: a failed run is stored like any other.
+
+    Raises
+    ------
+    UserError : the file cannot be written, another process writes it, or `resume` finds another run there.
     """
     began = time.perf_counter()
-    solver = bind(scene, method, refine, dt, reduction=reduction)
-    amplitude = amplitude_of(scene, method, solver, refine, dt, rtol, reduction)
-    delta = scene.physics.delta_on_cells(solver.mesh.centroids)
     attributes = _attributes(scene, method, refine, dt, command) | {
         "rtol": np.nan if rtol is None else rtol,
         "fidelity": str(reduction.fidelity),
         "left_out": json.dumps(reduction.left_out),
+        "mesh": "" if mesh is None else mesh.origin,
+        "remesh": int(remesh),
     }
-    grid = solver.grid
     # what overflows in a run ends as its Outcome
-    with np.errstate(all="ignore"), RunWriter(path, grid.xi, grid.cells, delta, attributes) as writer:
-        recorder = Recorder(scene, solver, writer, amplitude, progress)
-        tolerance = None if rtol is None else Tolerance(rtol, method.order_dt)
-        outcome = integrate(solver, dt, scene.output_times, recorder, tolerance)
-        writer.finish(outcome, time.perf_counter() - began)
+    with locked(path), np.errstate(all="ignore"):
+        before = earlier(path, attributes) if resume else None
+        if before is not None and before.path == path:
+            ending = Ending(before.attributes["outcome"])
+            return Outcome(ending, before.attributes["message"] or f"{path} was finished before")
+        began -= before.attributes["wall_seconds"] if before else 0.0
+        solver = bind(scene, method, refine, dt, reduction=reduction, mesh=mesh, remesh=remesh)
+        amplitude = amplitude_of(scene, method, solver, refine, dt, rtol, reduction, mesh)
+        delta = scene.physics.delta_on_cells(solver.mesh.centroids)
+        grid, tolerance = solver.grid, None if rtol is None else Tolerance(rtol, method.order_dt)
+        with (
+            RunWriter(path, grid.xi, grid.cells, delta, attributes, before is not None) as writer,
+            stop_signals() if heeds_signals else nullcontext(lambda: False) as stop,
+        ):
+            recorder = Recorder(scene, solver, writer, amplitude, progress)
+            begin = taken_up(solver, writer) if before else None
+            keeper = Keeper(solver, writer, began, stop)
+            outcome = integrate(solver, dt, scene.output_times, recorder, tolerance, begin, keeper)
+            if outcome.ending is Ending.TANGLED and remeshes(method) and not remesh:
+                outcome = _told(outcome, solver, recorder.last)
+            if outcome.ending is not Ending.INTERRUPTED:
+                writer.finish(outcome, time.perf_counter() - began)
     return outcome
+
+
+def remeshes(method: Method) -> bool:
+    """Whether a method's mesh can be replaced in a run: that of curved elements integrated by the pairs."""
+    return method.solver == METHODS["fem-p1-imex2"].solver
+
+
+def _told(outcome: Outcome, solver: Solver, last: State | None) -> Outcome:
+    """A fold with what the cells of the last state that stands say about it."""
+    space = getattr(getattr(solver, "inner", solver), "space", None)  # of a sector's solver, or of the disk's
+    if space is None or last is None:
+        return outcome
+    worn = load(SOUNDNESS)(space, last.t, last.x)
+    return outcome if worn.ok else Outcome(outcome.ending, f"{worn.message}: {outcome.message}")
 
 
 def _attributes(

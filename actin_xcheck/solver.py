@@ -7,12 +7,13 @@ Cell means, total actin, probes and loads all follow from them, so both codes ar
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from actin_xcheck import observables
 from actin_xcheck.geometry import Indices, Mesh, locate, orientation
@@ -112,6 +113,22 @@ class State:
     local_error: float = float("nan")
 
 
+Memento = Mapping[str, NDArray[Any]]
+"""A state as contiguous arrays by name: all that the steps after it depend on, and nothing that follows."""
+
+
+def remembered(state: State) -> dict[str, NDArray[Any]]:
+    """Return what every state holds, for a memento."""
+    return {one.name: np.asarray(getattr(state, one.name)) for one in fields(State)}
+
+
+def recalled(memento: Memento) -> dict[str, Any]:
+    """Return the fields of `State` from a memento; KeyError where one is missing."""
+    held = {one.name: memento[one.name] for one in fields(State)}
+    numbers = {name: value.tolist() for name, value in held.items() if name not in ("x", "a", "v")}
+    return {**held, **numbers, "net_force": tuple(numbers["net_force"])}
+
+
 @dataclass(frozen=True, eq=False)
 class Grid:
     """What frames are stored on; it never changes in a run.
@@ -189,6 +206,17 @@ class Solver(Protocol):
 
     def probes(self, points: Array) -> Probes:
         """Return what reads concentration and position of material points (2, k) off a state."""
+        ...
+
+    def memento(self, state: State) -> Memento:
+        """The state to be kept: what `restored` makes it from again."""
+        ...
+
+    def restored(self, memento: Memento) -> State:
+        """Return the state; a step from it gives the bits that one from the original gives.
+
+        Raises KeyError where the memento lacks something.
+        """
         ...
 
 

@@ -1,6 +1,6 @@
 """The one time loop: steps that land on every output time; a failed step ends the run as a value."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil
@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from actin_xcheck.result import Ending, Outcome
+from actin_xcheck.result import COMPLETED, Ending, Outcome
 from actin_xcheck.solver import Solver, State
 
 
@@ -47,14 +47,34 @@ class Tolerance:
     order: float
 
 
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run between two steps: all that follows is a function of this, to the last bit.
+
+    Attributes
+    ----------
+    state : where the run is; the observer has seen it.
+    pace : of an adaptive run, the step that would be tried next and the error of the last one.
+    """
+
+    state: State
+    pace: tuple[float, float] | None = None
+
+
+Keep = Callable[[Checkpoint], Outcome]
+"""Told of every moment at which a run could be interrupted; an Outcome that is not ok ends it there."""
+
+
 def integrate(
     solver: Solver,
     dt: float,
     output_times: Sequence[float],
     observer: Observer,
     tolerance: Tolerance | None = None,
+    begin: Checkpoint | None = None,
+    keep: Keep = lambda checkpoint: COMPLETED,
 ) -> Outcome:
-    """Run from t = 0 through the output times.
+    """Run from t = 0, or from a checkpoint, through the output times.
 
     Parameters
     ----------
@@ -63,19 +83,28 @@ def integrate(
     output_times : increasing, positive; the last one is the end.
     observer : sees every state and every output.
     tolerance : None for equal steps between the output times; else steps are chosen by their error.
+    begin : a checkpoint of a run with the same arguments; what comes after it is what came after it there.
+    keep : told before every step.
 
     Returns
     -------
     The Outcome: `completed`, or how and where the run ended before its time.
     """
-    state = solver.init()
-    outcome = solver.check(state)
-    observer.record(0.0, state)
-    observer.frame(state)
-    controller = None if tolerance is None else Controller(tolerance, dt)
+    state = solver.init() if begin is None else begin.state
+    outcome = solver.check(state) if state.t == 0 else COMPLETED
+    if begin is None:
+        observer.record(0.0, state)
+        observer.frame(state)
+    controller = None if tolerance is None else Controller(tolerance, dt, begin.pace if begin else None)
     for start, end in pairwise((0.0, *output_times)):
+        if state.t >= end:
+            continue
         steps = _steps(start, end, dt)
         while state.t < end:
+            if outcome.ok:
+                kept = keep(Checkpoint(state, None if controller is None else controller.pace))
+                if not kept.ok:
+                    return kept
             if outcome.ok and controller is not None:
                 new, outcome = controller.step(solver, state, end)
             elif outcome.ok:
@@ -99,12 +128,17 @@ class Controller:
     ----------
     tolerance : what is asked for.
     largest : the largest step.
+    pace : of the controller that this one takes over from.
     """
 
-    def __init__(self, tolerance: Tolerance, largest: float) -> None:
+    def __init__(self, tolerance: Tolerance, largest: float, pace: tuple[float, float] | None = None) -> None:
         self.tolerance, self.largest = tolerance, largest
-        self.dt = min(largest, 1e-3)
-        self.before = 1.0
+        self.dt, self.before = pace or (min(largest, 1e-3), 1.0)
+
+    @property
+    def pace(self) -> tuple[float, float]:
+        """All it remembers: the step to be tried next and the error of the last one, over the tolerance."""
+        return self.dt, self.before
 
     def step(self, solver: Solver, state: State, end: float) -> tuple[State, Outcome]:
         """One step that meets the tolerance and does not pass `end`; tries again with smaller ones.

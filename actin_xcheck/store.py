@@ -4,9 +4,10 @@ A run file holds two groups.  `/VTKHDF` is the film of its output times (`vtkhdf
 `/run`, which VTK ignores, holds the scene, the method and the provenance as attributes and one row per time
 step in the datasets of `/run/series`.
 
-Files are written beside their destination under the suffix `.partial` and renamed into place when complete,
-so a destination is either untouched or whole.  A run is flushed at every output time: what a killed process
-leaves behind under `.partial` still opens in VTK.
+Files are made in memory and renamed into place when they are whole, so that a destination is untouched or
+whole whoever kills the process: HDF5 itself never writes to a disk.  Until a run is finished its last
+checkpoint stands in `unfinished(path)`: a run like any other up to there, with `/run/checkpoint` beside its
+series, from which it goes on.
 """
 
 import os
@@ -23,11 +24,12 @@ from typing import Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from actin_xcheck import vtkhdf
 from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
+from actin_xcheck.files import replace_file, unfinished
 from actin_xcheck.geometry import Indices
 from actin_xcheck.model import Array
 from actin_xcheck.result import Ending, Outcome
@@ -46,6 +48,8 @@ RUN_ATTRIBUTES = (
 
 _ENDING = ("outcome", "message", "wall_seconds")
 
+_CHECKPOINT = "checkpoint"
+
 PACKAGES = ("actin-xcheck", "numpy", "scipy", "scikit-fem", "FiPy", "h5py")
 
 _ROWS_PER_CHUNK = 256
@@ -53,7 +57,7 @@ _ROWS_PER_CHUNK = 256
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Run(vtkhdf.Film):
-    """A finished run, completed or failed, as it was stored: its film, its series and how it came about.
+    """A run, completed, failed or interrupted, as it was stored: its film, its series and how it came about.
 
     Attributes
     ----------
@@ -88,7 +92,7 @@ class RunWriter:
     """Writes one run, row by row and frame by frame; a context manager.
 
     Nothing appears at `path` before `finish`, which replaces an existing file atomically.  Left without
-    `finish` (an exception is on its way) the writer removes what it wrote.
+    `finish` (an exception is on its way) the writer leaves the last checkpoint where it is.
 
     Parameters
     ----------
@@ -97,24 +101,45 @@ class RunWriter:
     cells : nodes of each cell in the order of `lagrange.nodes`, (n_local, n_cells).
     delta : delta(xi) of (2.5) on cells, (n_cells,).
     attributes : at least `RUN_ATTRIBUTES`.
+    goes_on : whether to take up the run whose checkpoint stands in `unfinished(path)`.
 
     Raises
     ------
-    UserError : the destination cannot be written.
+    UserError : the checkpoint is that of a run on another mesh; what is said of `checkpoint` and `finish`.
     ValueError : an attribute is missing.
     """
 
-    def __init__(self, path: Path, xi: Array, cells: Indices, delta: Array, attributes: Attributes) -> None:
+    def __init__(
+        self,
+        path: Path,
+        xi: Array,
+        cells: Indices,
+        delta: Array,
+        attributes: Attributes,
+        goes_on: bool = False,
+    ) -> None:
         if missing := [name for name in RUN_ATTRIBUTES if name not in attributes]:
             raise ValueError(f"attributes of a run lack {', '.join(missing)}")
         self._path = Path(path)
         self._rows: list[dict[str, Array]] = []
         self._shapes: dict[str, tuple[int, ...]] = {}
-        self._file = _create(self._path)
-        run = self._file.create_group("run")
-        state(run, {"schema": SCHEMA, **attributes})
-        self._series = run.create_group("series")
-        vtkhdf.create(self._file, xi, cells, delta)
+        self._file = _in_memory(unfinished(self._path), "r+" if goes_on else "w")
+        if goes_on:
+            self._series = self._file["run/series"]
+            self._shapes = {name: self._series[name].shape[1:] for name in self._series}
+            film = vtkhdf.read(self._file)
+            if not (np.array_equal(film.xi, xi) and np.array_equal(film.cells, cells)):
+                raise UserError(f"{unfinished(self._path)}: that run is on another mesh; valid: the same one")
+        else:
+            run = self._file.create_group("run")
+            state(run, {"schema": SCHEMA, **attributes})
+            self._series = run.create_group("series")
+            vtkhdf.create(self._file, xi, cells, delta)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return len(self._rows) + (len(self._series["time"]) if self._shapes else 0)
 
     def record(self, row: Mapping[str, float | ArrayLike]) -> None:
         """Append one row to `/run/series`; the first row fixes names and shapes, others raise ValueError."""
@@ -133,16 +158,39 @@ class RunWriter:
     def frame(self, t: float, frame: Frame) -> None:
         """Append one output time."""
         vtkhdf.append_frame(self._file, t, frame)
-        self._write_rows()
-        self._file.flush()
+
+    def checkpoint(self, arrays: Mapping[str, NDArray[Any]], outcome: Outcome, wall_seconds: float) -> None:
+        """Put the run as it is on disk, and with it what it goes on from, see `last_checkpoint`.
+
+        Arrays are contiguous; their order in memory is kept, for sums depend on it.  The outcome is how the
+        run ended if nothing comes after.  UserError where it cannot be written: the last one is kept then.
+        """
+        run = self._file["run"]
+        if _CHECKPOINT in run:
+            del run[_CHECKPOINT]
+        stored = run.create_group(_CHECKPOINT)
+        for name, array in arrays.items():
+            if not array.flags.forc:
+                raise ValueError(f"{name} of a checkpoint is not contiguous")
+            transposed = not array.flags.c_contiguous
+            stored[name] = array.T if transposed else array
+            stored[name].attrs["transposed"] = transposed
+        self._put(unfinished(self._path), outcome, wall_seconds)
+
+    def last_checkpoint(self) -> dict[str, NDArray[Any]]:
+        """The arrays of the checkpoint that the run was taken up from."""
+        stored = self._file["run"][_CHECKPOINT]
+        arrays = {name: vtkhdf.whole(stored, name) for name in stored}
+        return {
+            name: array.T if stored[name].attrs["transposed"] else array for name, array in arrays.items()
+        }
 
     def finish(self, outcome: Outcome, wall_seconds: float) -> None:
-        """State how the run ended and move the file to its destination."""
-        self._write_rows()
-        ending = (str(outcome.ending), outcome.message, wall_seconds)
-        state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
-        self._file.close()
-        os.replace(_partial(self._path), self._path)
+        """State how the run ended and put it at its destination; UserError as for `checkpoint`."""
+        if _CHECKPOINT in self._file["run"]:
+            del self._file["run"][_CHECKPOINT]
+        self._put(self._path, outcome, wall_seconds)
+        unfinished(self._path).unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -150,9 +198,18 @@ class RunWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._file:  # still open: not finished
-            self._file.close()
-            _partial(self._path).unlink()
+        self._file.close()
+
+    def _put(self, path: Path, outcome: Outcome, wall_seconds: float) -> None:
+        self._write_rows()
+        ending = (str(outcome.ending), outcome.message, wall_seconds)
+        state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
+        try:
+            replace_file(path, _image(self._file))
+        except UserError as error:
+            if not (kept := unfinished(self._path)).exists():
+                raise
+            raise UserError(f"{error}; {kept.name} holds the last checkpoint, --resume goes on") from error
 
     def _write_rows(self) -> None:
         for name in self._rows[0] if self._rows else ():
@@ -165,7 +222,7 @@ def read_run(path: Path) -> Run:
 
     Raises
     ------
-    UserError : the file is missing, not HDF5, truncated, unfinished, not a run or of another schema.
+    UserError : the file is missing, not HDF5, truncated, not a run or of another schema.
     """
     with reading(path, "run") as file:
         attributes = dict(file["run"].attrs)
@@ -195,7 +252,7 @@ def _check(attributes: Mapping[str, Any]) -> None:
 
 def annotate(path: Path, attributes: Attributes) -> None:
     """State more about a finished run: what is known only when it is compared with others."""
-    with h5py.File(path, "r+") as file:
+    with changing(path) as file:
         state(file["run"], attributes)
 
 
@@ -274,17 +331,20 @@ def _commit() -> str:
         return "unknown"
 
 
-def _partial(path: Path) -> Path:
-    """A name of this process's own: two that write one destination must not touch each other's file."""
-    return path.with_name(f"{path.name}.{os.getpid()}.partial")
+def _in_memory(path: Path, mode: str) -> h5py.File:
+    """Open a file that is read, if at all, from a path and never written to it.
+
+    The library cannot be trusted with a disk that fills up: a file that it fails to close, it never lets go.
+    """
+    # this format guards its structure by checksums; the library can crash on a damaged file of older ones
+    return h5py.File(path, mode, libver=("v108", "v110"), driver="core", backing_store=False)
 
 
-def _create(path: Path) -> h5py.File:
-    try:
-        # this format guards its structure by checksums; the library can crash on a damaged file of older ones
-        return h5py.File(_partial(path), "w", libver=("v108", "v110"))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written ({error})") from error
+def _image(file: h5py.File) -> bytes:
+    """The bytes of a file in memory."""
+    file.flush()
+    image: bytes = file.id.get_file_image()
+    return image
 
 
 @contextmanager
@@ -293,15 +353,19 @@ def writing(path: Path, attributes: Attributes) -> Iterator[h5py.File]:
 
     Its attributes are `date` (UTC), `schema` and what is given.  UserError where it cannot be written.
     """
-    file = _create(path)
-    try:
-        with file:
-            now = datetime.now(UTC).isoformat(timespec="seconds")
-            state(file, {"schema": SCHEMA, "date": now, **attributes})
-            yield file
-        os.replace(_partial(path), path)
-    finally:
-        _partial(path).unlink(missing_ok=True)
+    with _in_memory(path, "w") as file:
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        state(file, {"schema": SCHEMA, "date": now, **attributes})
+        yield file
+        replace_file(Path(path), _image(file))
+
+
+@contextmanager
+def changing(path: Path) -> Iterator[h5py.File]:
+    """Change a stored file, all at once: a process killed on the way leaves it as it was."""
+    with _in_memory(path, "r+") as file:
+        yield file
+        replace_file(Path(path), _image(file))
 
 
 @contextmanager

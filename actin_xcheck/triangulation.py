@@ -23,7 +23,7 @@ from actin_xcheck.prediction import fit_growth
 from actin_xcheck.registry import Method
 from actin_xcheck.resolve import turn_matrix
 from actin_xcheck.scene import Scene
-from actin_xcheck.store import Run, reading, state
+from actin_xcheck.store import Run, changing, reading, state
 from actin_xcheck.third_corner import Known, known, rate_parts
 from actin_xcheck.uncertainty import uncertainty
 
@@ -337,7 +337,7 @@ def attach(path: Path, triangles: Sequence[Triangle], companions: Mapping[str, P
     `/triangles/<key>` each, corners in the datasets `values` and `uncertainties`;
     `/companions/<scene>/<method>/<times coarser>`, relative to the comparison.
     """
-    with h5py.File(path, "r+") as file:
+    with changing(path) as file:
         stored = file.create_group("triangles", track_order=True)
         for triangle in triangles:
             group, corners = stored.create_group(triangle.key), triangle.corners

@@ -91,11 +91,12 @@ class Recorder:
         progress: Progress,
     ) -> None:
         self.solver, self.writer = solver, writer
-        self.amplitude, self.progress, self.step = amplitude, progress, 0
+        self.amplitude, self.progress, self.step = amplitude, progress, writer.rows
         self.end = scene.output_times[-1]
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
         self.probes = solver.probes(turn_matrix(scene) @ points)
         self.gauged = scene.physics.closure is Closure.TRACTION_FREE
+        self.last: State | None = None
 
     def record(self, dt: float, state: State) -> None:
         """Write one row of the time series."""
@@ -121,6 +122,9 @@ class Recorder:
             row |= {"net_force": known * np.array(state.net_force), "net_torque": known * state.net_torque}
         if self.amplitude is not None:
             row["mode_amplitude"] = self.amplitude(self.step, self.solver.corners(state))
+        if (remeshings := getattr(state, "remeshings", None)) is not None:
+            row["remeshings"] = remeshings
+        self.last = state
         self.writer.record(row)
         self.progress(round(PARTS * state.t / self.end), PARTS)
         self.step += 1

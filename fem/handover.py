@@ -7,7 +7,7 @@ from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Array
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Frame, Grid, Probes, Problem, Solver, State
+from actin_xcheck.solver import Frame, Grid, Memento, Probes, Problem, Solver, State
 from fem.modal import Modal, ModalState
 
 
@@ -69,6 +69,14 @@ class HandOver:
         """Material points (2, k)."""
         modal, later = self.modal.probes(points), self.later.probes(points)
         return lambda state: modal(state) if isinstance(state, ModalState) else later(state)
+
+    def memento(self, state: State) -> Memento:
+        """As whoever made the state keeps it."""
+        return self._of(state).memento(state)
+
+    def restored(self, memento: Memento) -> State:
+        """By whoever made it: modes have harmonics."""
+        return (self.modal if "harmonics" in memento else self.later).restored(memento)
 
     def _small(self, state: State) -> bool:
         return self.modal.neglected(state) <= self.bound

@@ -23,7 +23,19 @@ from actin_xcheck.model import Array
 from actin_xcheck.motion import PrescribedMotion
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Frame, Grid, Mechanics, Move, Probes, Problem, State, straight_frame
+from actin_xcheck.solver import (
+    Frame,
+    Grid,
+    Mechanics,
+    Memento,
+    Move,
+    Probes,
+    Problem,
+    State,
+    recalled,
+    remembered,
+    straight_frame,
+)
 from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.frames import Lattice
@@ -138,6 +150,17 @@ class FemImex:
                 return state, outcome
             stages.append(self._stage(t, dt * pair.gamma, x, content))
         return self._combined(state, dt, stages)
+
+    def memento(self, state: State) -> Memento:
+        """The state with P, which is no function of a to the last bit, and where it is preconditioned."""
+        assert isinstance(state, ImexState)
+        assert state.anchor is not None
+        return {**remembered(state), "content": state.content, "anchor": state.anchor.x}
+
+    def restored(self, memento: Memento) -> ImexState:
+        """The state again."""
+        known, anchor = recalled(memento), Anchor(memento["anchor"])
+        return ImexState(**known, mass=self._mass(known["x"]), content=memento["content"], anchor=anchor)
 
     def _near(self, anchor: Anchor | None) -> Self:
         """Return the same, its systems preconditioned at an anchor."""

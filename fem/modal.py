@@ -17,7 +17,7 @@ from actin_xcheck.geometry import Mesh
 from actin_xcheck.model import Array, Closure, Model, Rheology
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import COMPLETED, Ending, Outcome
-from actin_xcheck.solver import Frame, Grid, Probes, Problem, State
+from actin_xcheck.solver import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
 from fem.radial_modes import AngularMode, slopes
 from fem.radial_space import Canvas, Ray
 
@@ -198,6 +198,15 @@ class Modal:
             return reader.concentration(h), (reader.xi + reader.vector(h[:, count:])).T
 
         return read
+
+    def memento(self, state: State) -> Memento:
+        """The state and its harmonics."""
+        assert isinstance(state, ModalState)
+        return {**remembered(state), "harmonics": state.harmonics, "fed": np.asarray(state.fed)}
+
+    def restored(self, memento: Memento) -> ModalState:
+        """The state again."""
+        return ModalState(**recalled(memento), harmonics=memento["harmonics"], fed=float(memento["fed"]))
 
     def _state(self, t: float, harmonics: ComplexArray, fed: float) -> ModalState:
         a, along, across = np.split(harmonics, 3, axis=1)

@@ -24,7 +24,7 @@ from actin_xcheck.model import Array, Closure, Rheology
 from actin_xcheck.motion import PrescribedMotion
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import COMPLETED, Ending, Outcome
-from actin_xcheck.solver import Frame, Grid, Probes, Problem, State
+from actin_xcheck.solver import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
 from fem.radial_space import Canvas, Ray
 from fem.tableaux import TABLEAUX
 
@@ -168,6 +168,16 @@ class Radial:
         """Whether every ring lies outside of those that started inside of it."""
         assert isinstance(state, RadialState)
         return self._orientation(state.t, state.shape)
+
+    def memento(self, state: State) -> Memento:
+        """The state and P; the configuration follows from the positions."""
+        assert isinstance(state, RadialState)
+        return {**remembered(state), "content": state.content}
+
+    def restored(self, memento: Memento) -> RadialState:
+        """The state again."""
+        known = recalled(memento)
+        return RadialState(**known, shape=self._shape(known["x"][0]), content=memento["content"])
 
     def _combined(
         self, old: RadialState, dt: float, velocities: Array, rates: Array, gained: float

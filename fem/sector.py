@@ -11,7 +11,7 @@ from actin_xcheck.geometry import ON_A_LINE, Indices, Mesh, shared_nodes, unfold
 from actin_xcheck.model import Array
 from actin_xcheck.observables import Measures
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Frame, Grid, Probes, Solver, State
+from actin_xcheck.solver import Frame, Grid, Memento, Probes, Solver, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +127,14 @@ class Unfolded:
             return a, np.einsum("nij,nj->ni", images, x)
 
         return unfolded
+
+    def memento(self, state: State) -> Memento:
+        """The sector's."""
+        return self.inner.memento(state)
+
+    def restored(self, memento: Memento) -> State:
+        """The sector's."""
+        return self.inner.restored(memento)
 
     @cached_property
     def _unfolded_nodes(self) -> tuple[Indices, tuple[Indices, Indices]]:

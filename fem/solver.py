@@ -9,7 +9,7 @@ from actin_xcheck.geometry import Mesh, orientation, signed_areas
 from actin_xcheck.model import Array
 from actin_xcheck.observables import balance_residual
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Mechanics, Polygonal, Problem, State
+from actin_xcheck.solver import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
 from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.space import Space
@@ -72,6 +72,17 @@ class FemP1Paper(Polygonal):
         )
         outcome = move.outcome if not move.outcome.ok else orientation(self.mesh, new.t, move.x)
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
+
+    def memento(self, state: State) -> Memento:
+        """The state and where its systems are preconditioned; factors and mass matrix follow."""
+        assert isinstance(state, FemState)
+        assert state.anchor is not None
+        return {**remembered(state), "anchor": state.anchor.x}
+
+    def restored(self, memento: Memento) -> FemState:
+        """The state again."""
+        known = recalled(memento)
+        return FemState(**known, mass=self._mass(known["x"]), anchor=Anchor(memento["anchor"]))
 
     def _near(self, anchor: Anchor | None) -> Mechanics:
         """The mechanics, its systems preconditioned at an anchor."""

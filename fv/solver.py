@@ -9,7 +9,7 @@ from actin_xcheck.geometry import Mesh, integral, orientation, quadrature_points
 from actin_xcheck.model import Array
 from actin_xcheck.observables import area, balance_residual
 from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Mechanics, Polygonal, Problem, State
+from actin_xcheck.solver import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
 from fv import krylov
 from fv.diamond import over_relaxed_split, reconstruct, two_point, vertex_interpolation
 from fv.equations import TransportEquation
@@ -70,6 +70,15 @@ class FvDiamond(Polygonal):
         )
         outcome = move.outcome if not move.outcome.ok else orientation(self.mesh, new.t, move.x)
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
+
+    def memento(self, state: State) -> Memento:
+        """The state with the corner values, which load the next force balance."""
+        assert isinstance(state, FvState)
+        return {**remembered(state), "corner_values": state.corner_values}
+
+    def restored(self, memento: Memento) -> FvState:
+        """The state again."""
+        return FvState(**recalled(memento), corner_values=memento["corner_values"])
 
     def _transport(self, old: FvState, new: FvState, dt: float) -> tuple[FvState, Outcome]:
         triangles, model = self.mesh.triangles, self.problem.model

@@ -229,27 +229,65 @@ def test_the_destination_changes_only_at_the_finish(tmp_path: Path, mesh: Mesh) 
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a signal that cannot be caught")
-def test_what_a_killed_process_leaves_opens_in_vtk_but_is_no_run(tmp_path: Path) -> None:
+def test_what_a_killed_process_leaves_is_its_last_checkpoint(tmp_path: Path) -> None:
     script = """
         import os, signal, sys
         from pathlib import Path
         from actin_xcheck.geometry import disk
-        from tests.test_store import ATTRIBUTES, RunWriter, delta, fields
+        from tests.test_store import ATTRIBUTES, Ending, Outcome, RunWriter, delta, fields
         mesh = disk(2, 0.8)
         writer = RunWriter(Path(sys.argv[1]), mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES)
         for t in (0.0, 0.25):
             writer.frame(t, fields(mesh, t))
+            writer.record({"time": t})
+        writer.checkpoint({"x": mesh.xi, "turned": mesh.xi.T}, Outcome(Ending.INTERRUPTED, "there"), 1.5)
+        writer.frame(1.0, fields(mesh, 1.0))
         os.kill(os.getpid(), signal.SIGKILL)
     """
     path, root = tmp_path / "run.vtkhdf", Path(__file__).parents[1]
     command = [sys.executable, "-c", textwrap.dedent(script), str(path)]
     killed = subprocess.run(command, cwd=root, env=os.environ | {"PYTHONPATH": str(root)}, check=False)
     assert killed.returncode == -signal.SIGKILL
-    (partial,) = tmp_path.iterdir()
-    assert partial.match("run.vtkhdf.*.partial")
+    assert [*tmp_path.iterdir()] == [tmp_path / "run.partial.vtkhdf"]
+    partial = tmp_path / "run.partial.vtkhdf"
     assert vtk_reader(partial).GetNumberOfSteps() == 2
-    with pytest.raises(UserError, match="lacks outcome"):
-        read_run(partial)
+    run = read_run(partial)
+    assert (run.attributes["outcome"], run.attributes["wall_seconds"]) == ("interrupted", 1.5)
+    assert run.times.tolist() == run.series["time"].tolist() == [0, 0.25]
+
+
+def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path, mesh: Mesh) -> None:
+    """Arrays come back with their order in memory; what was written after the checkpoint is gone."""
+    path = tmp_path / "run.vtkhdf"
+    arrays = {"x": mesh.xi, "turned": mesh.xi.T, "waves": np.exp(1j * mesh.xi[0]), "fed": np.array(0.1)}
+    with RunWriter(path, mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES) as writer:
+        writer.record({"time": 0.0})
+        writer.checkpoint({"x": mesh.xi}, Outcome(Ending.INTERRUPTED), 0.0)
+        writer.frame(0.0, fields(mesh, 0.0))
+        writer.checkpoint(arrays, Outcome(Ending.INTERRUPTED), 0.0)
+        writer.record({"time": 99.0})
+        with pytest.raises(ValueError, match="every second of a checkpoint is not contiguous"):
+            writer.checkpoint({"every second": mesh.xi[:, ::2]}, Outcome(Ending.INTERRUPTED), 0.0)
+    assert [*tmp_path.iterdir()] == [tmp_path / "run.partial.vtkhdf"]
+    with RunWriter(path, mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES, goes_on=True) as writer:
+        found = writer.last_checkpoint()
+        assert set(found) == set(arrays)
+        for name, array in arrays.items():
+            assert (found[name].dtype, found[name].strides) == (array.dtype, array.strides)
+            np.testing.assert_array_equal(found[name], array)
+        assert writer.rows == 1
+        writer.record({"time": 1.0})
+        writer.frame(1.0, fields(mesh, 1.0))
+        writer.finish(Outcome(), 2.0)
+    assert [*tmp_path.iterdir()] == [path]
+    run = read_run(path)
+    assert run.times.tolist() == run.series["time"].tolist() == [0, 1]
+    with h5py.File(path) as file:
+        assert set(file["run"]) == {"series"}
+    finer = disk(3, 0.8)
+    (tmp_path / "run.vtkhdf").rename(tmp_path / "run.partial.vtkhdf")
+    with pytest.raises(UserError, match="another mesh"):
+        RunWriter(path, finer.xi, finer.triangles, delta(finer), ATTRIBUTES, goes_on=True)
 
 
 def test_rows_must_be_alike(tmp_path: Path, mesh: Mesh) -> None:

@@ -115,6 +115,7 @@ class _Counted:
         self.mesh, self.grid = solver.mesh, solver.grid
         self.init, self.check, self.corners = solver.init, solver.check, solver.corners
         self.measure, self.frame, self.probes = solver.measure, solver.frame, solver.probes
+        self.memento, self.restored = solver.memento, solver.restored
 
     def step(self, state: State, dt: float) -> tuple[State, Outcome]:
         """The solver's step."""

@@ -16,6 +16,7 @@ from actin_xcheck.closures.record import (
     write_closures,
 )
 from actin_xcheck.closures.refinement import Course, follow, scene_of
+from actin_xcheck.files import replace_file
 from actin_xcheck.model import Closure
 from actin_xcheck.scene import load_scene
 from actin_xcheck.store import provenance
@@ -115,4 +116,4 @@ def _write_scenes(courses: Sequence[Course], folder: Path) -> None:
     for course in courses:
         path = folder / course.file
         path.parent.mkdir(exist_ok=True)
-        path.write_text(scene_of(course).text, encoding="utf-8")
+        replace_file(path, scene_of(course).text.encode())

@@ -17,6 +17,7 @@ import tomli_w
 from actin_xcheck.compare import Job
 from actin_xcheck.convergence.conditions import orders_lost_in_h, why_not
 from actin_xcheck.convergence.quantities import Quantity
+from actin_xcheck.files import replace_file
 from actin_xcheck.model import Delta
 from actin_xcheck.prediction import growth_rate
 from actin_xcheck.registry import Method
@@ -164,7 +165,7 @@ def final(scene: Scene, folder: Path) -> Scene:
     table["time"].pop("outputs", None)
     path = folder / "scenes" / f"{scene.name}.toml"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    replace_file(path, tomli_w.dumps(table).encode())
     return load_scene(path)
 
 

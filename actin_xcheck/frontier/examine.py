@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from actin_xcheck.exhibits import Chapter, Line, Plot
+from actin_xcheck.files import replace_file
 from actin_xcheck.frontier.answers import BOUND, ERRORS, TIME_BOUND, Answer, Truth
 from actin_xcheck.frontier.bisection import Bisection, Node
 from actin_xcheck.frontier.classes import NOT_RUN, Judged, judge
@@ -155,7 +156,7 @@ def _write_scenes(points: Iterable[Point], folder: Path) -> None:
     """Write the scenes of points, which their commands name."""
     (folder / "scenes").mkdir(exist_ok=True)
     for name, text in {point.name: point.scene for point in points}.items():
-        (folder / "scenes" / f"{name}.toml").write_text(text, encoding="utf-8")
+        replace_file(folder / "scenes" / f"{name}.toml", text.encode())
 
 
 def _map(study: _Study, known: _Known) -> Map:

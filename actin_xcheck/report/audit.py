@@ -5,7 +5,7 @@ from pathlib import Path
 
 from actin_xcheck.audit.record import FILE_NAME, read_audit
 from actin_xcheck.audit.row import Judgement
-from actin_xcheck.report.environment import environment
+from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import draw
 
 _PARTS = {
@@ -41,6 +41,4 @@ def write_audit_page(folder: Path) -> Path:
         total=len(audit.entries),
         file=audit.path,
     )
-    page = folder / "index.html"
-    page.write_text(text, encoding="utf-8")
-    return page
+    return put_page(folder, text)

@@ -10,7 +10,7 @@ import numpy as np
 from actin_xcheck.convergence.orders import Verdict
 from actin_xcheck.convergence.record import FILE_NAME, Result, read_convergence
 from actin_xcheck.exhibits import Line, Plot
-from actin_xcheck.report.environment import environment
+from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import Drawing, draw
 
 _BELOW = 0.6
@@ -40,9 +40,7 @@ def write_convergence_page(folder: Path) -> Path:
         failing=[result for result in claimed if result.observed.verdict is Verdict.FAIL],
         file=stored.path,
     )
-    page = folder / "index.html"
-    page.write_text(text, encoding="utf-8")
-    return page
+    return put_page(folder, text)
 
 
 def _charts(results: Sequence[Result], prefix: str) -> list[Drawing]:

@@ -1,4 +1,4 @@
-"""What all pages have in common: the templates' environment."""
+"""What all pages have in common: the templates' environment and their place."""
 
 import json
 import math
@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from actin_xcheck.files import replace_file
 
 
 def environment(folder: Path) -> Environment:
@@ -24,3 +26,10 @@ def environment(folder: Path) -> Environment:
     made.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
     made.filters["from_json"] = json.loads
     return made
+
+
+def put_page(folder: Path, text: str) -> Path:
+    """Write `folder/index.html`, whole or not at all, and return its path; UserError where that cannot be."""
+    page = folder / "index.html"
+    replace_file(page, text.encode("utf-8"))
+    return page

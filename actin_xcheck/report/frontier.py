@@ -11,7 +11,7 @@ from actin_xcheck.frontier.bisection import Cell, Node
 from actin_xcheck.frontier.classes import Kind
 from actin_xcheck.frontier.planes import Axis
 from actin_xcheck.frontier.record import FILE_NAME, Map, Row, read_frontier
-from actin_xcheck.report.environment import environment
+from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import draw
 from actin_xcheck.result import Ending
 
@@ -32,6 +32,7 @@ _FAILURES = {
     Ending.STEP_TOO_SMALL: "#5b3a2a",
     Ending.NOT_CONVERGED: "#b0306a",
     Ending.NON_FINITE: "#111827",
+    Ending.INTERRUPTED: "#6b7a1f",
 }
 
 _DASHES = ("6 3", "1.5 2.5", "9 2 2 2", "3 2", "12 3")
@@ -120,9 +121,7 @@ def write_frontier_page(folder: Path) -> Path:
         file=stored.path,
         frame=FRAME,
     )
-    page = folder / "index.html"
-    page.write_text(text, encoding="utf-8")
-    return page
+    return put_page(folder, text)
 
 
 def colour_of(label: str) -> str:

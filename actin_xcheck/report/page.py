@@ -10,7 +10,7 @@ from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import CAVEATS
 from actin_xcheck.report.charts import Chart, charts
-from actin_xcheck.report.environment import environment
+from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import FilmStrip, film_strip
 from actin_xcheck.report.svg import STYLES, Style
 from actin_xcheck.report.triangles import TrianglePicture, triangle_picture
@@ -76,9 +76,7 @@ def write_report(folder: Path) -> Path:
         sections=_sections(comparison, read_triangles(comparison.path)),
         versions=_versions(comparison),
     )
-    page = folder / "index.html"
-    page.write_text(html, encoding="utf-8")
-    return page
+    return put_page(folder, html)
 
 
 def _sections(comparison: Comparison, triangles: Sequence[Triangle]) -> list[_Section]:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from actin_xcheck.atlas.predictions import FILE_NAME, read_predictions
-from actin_xcheck.report.environment import environment
+from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import draw
 
 
@@ -25,7 +25,5 @@ def write_theory_page(folder: Path) -> Path:
         for i, chapter in enumerate(predictions.chapters)
     ]
     html = environment(folder).get_template("theory.html")
-    page = folder / "index.html"
     text = html.render(attributes=predictions.attributes, chapters=chapters, file=predictions.path)
-    page.write_text(text, encoding="utf-8")
-    return page
+    return put_page(folder, text)

@@ -21,7 +21,7 @@ from actin_xcheck.charting.record import FILE_NAME, Chart, Charted, read_chart
 from actin_xcheck.charting.truth import WRONG, Quantity, Standing
 from actin_xcheck.errors import UserError
 from actin_xcheck.model import CAVEATS, Array
-from actin_xcheck.report.environment import environment
+from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import Drawing
 from actin_xcheck.report.ledger import ledger_table
 from actin_xcheck.report.svg import INK, STYLES, Style, styled, svg
@@ -41,6 +41,7 @@ ENDINGS = {
     Ending.STEP_TOO_SMALL: ("^", "▲"),
     Ending.NOT_CONVERGED: ("P", "✚"),
     Ending.NON_FINITE: ("*", "★"),
+    Ending.INTERRUPTED: ("s", "■"),
 }
 """How a failed run is marked: in matplotlib's words and in the legend."""
 
@@ -114,9 +115,7 @@ def write_chart_page(folder: Path) -> Path:
         table=ledger_table(chart.entries) if chart.entries else None,
         file=chart.path,
     )
-    page = folder / "index.html"
-    page.write_text(text, encoding="utf-8")
-    return page
+    return put_page(folder, text)
 
 
 _LONG = ("scene", "left_out")

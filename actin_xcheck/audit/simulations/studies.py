@@ -18,6 +18,7 @@ import tomli_w
 
 from actin_xcheck.audit.simulations.readouts import Readout
 from actin_xcheck.compare import Job
+from actin_xcheck.files import replace_file
 from actin_xcheck.prediction import extrapolate
 from actin_xcheck.registry import METHODS
 from actin_xcheck.scene import Scene, load_scene
@@ -67,7 +68,7 @@ class Study:
         """Return the study's runs; writes its scene to `folder/scenes`, where their commands find it."""
         path = folder / "scenes" / f"{self.name}.toml"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(changed(load_scene(self.scene), self.name, self.changes), encoding="utf-8")
+        replace_file(path, changed(load_scene(self.scene), self.name, self.changes).encode())
         scene, method = load_scene(path), METHODS[self.method]
         levels = dict.fromkeys((*self.levels, *((self.published,) if self.published else ())))
         return {
