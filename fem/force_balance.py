@@ -46,12 +46,13 @@ class ForceBalance:
     model : constitutive laws, rheology, closure and delta.
     mesh : the reference mesh; displacements are u = x - xi.
     order : k of the elements P_k.
+    space : of that order, where nodes are not where `Space.on` puts them.
     """
 
-    def __init__(self, model: Model, mesh: Mesh, order: int = 1) -> None:
+    def __init__(self, model: Model, mesh: Mesh, order: int = 1, space: Space | None = None) -> None:
         self.model = model
         self.mesh = mesh
-        self.space = Space.on(mesh, order, model.parameters.l0)
+        self.space = space or Space.on(mesh, order, model.parameters.l0)
         self.delta = model.delta_on_cells(mesh.centroids)
         self.constraint = Constraint(model.closure, self.space)
         # friction on a wall couples rim nodes beyond what the cells' gradients do

@@ -1,0 +1,147 @@
+"""The study of extremes: when 1 + div u reaches zero, how twins part, and what is stored and said of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from actin_xcheck.cli import main
+from actin_xcheck.extremes.approach import Approach, least_dilation
+from actin_xcheck.extremes.attempt import attempt
+from actin_xcheck.extremes.breakdown import agreement, breakdowns
+from actin_xcheck.extremes.plan import BREAKDOWNS, CARRIED, Level, Task, tasks
+from actin_xcheck.extremes.record import FILE_NAME, read_extremes, write_extremes
+from actin_xcheck.geometry import disk
+from actin_xcheck.report import write_extremes_page
+from actin_xcheck.scene import load_scene, scene_text
+from fem.frames import Lattice
+from fem.space import Space
+
+STRONG = "fig18-nonuniform-contraction-viscoelastic"
+
+
+def quiet(label: str, done: int, total: int) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    """Fig. 18 by two kinds of elements on two meshes each."""
+    levels = [Level("fem-p2-imex3", r, 1e-6) for r in (2, 3)] + [
+        Level("fem-p3-imex4", r, 1e-6) for r in (2, 3)
+    ]
+    levels.append(Level("fem-p3-imex4", 2, 1e-5))
+    return [attempt(Task(STRONG, level), quiet) for level in levels]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_dilation_is_exact_where_the_cell_shrinks_evenly_or_is_stretched(order):
+    mesh = disk(2, 0.8)
+    grid = Lattice(Space.on(mesh, order, 0.8), mesh.triangles).grid
+    for stretch in np.diag([0.8, 0.8]), np.array([[1.3, 0.4], [0.0, 0.7]]):
+        least, _ = least_dilation(grid, stretch @ grid.xi)
+        assert least == pytest.approx(3 - np.trace(np.linalg.inv(stretch)), abs=1e-12)
+    # 1 + phi = 3 - 2/s: shrinking to 2/3 is the end
+    assert least_dilation(grid, 2 / 3 * grid.xi)[0] == pytest.approx(0, abs=1e-12)
+
+
+def test_the_place_of_the_smallest_dilation_is_a_material_point():
+    mesh = disk(4, 0.8)
+    grid = Lattice(Space.on(mesh, 2, 0.8), mesh.triangles).grid
+    pinch = np.exp(-20 * ((grid.xi - [[0.4], [0.3]]) ** 2).sum(axis=0))
+    x = grid.xi + 0.05 * pinch * (np.array([[0.4], [0.3]]) - grid.xi) / 0.2
+    assert np.hypot(*(least_dilation(grid, x)[1] - [0.4, 0.3])) < 0.05
+
+
+def test_the_breakdown_is_the_root_between_the_last_states():
+    approach = Approach(solver=None)
+    approach.rows = [(0.0, 1.0), (1.0, 0.2), (1.5, 0.1)]
+    assert approach.breakdown == pytest.approx(2.0)
+    approach.rows[-1] = (1.5, -0.2)  # a step may end just behind it
+    assert approach.breakdown == pytest.approx(1.25)
+
+
+def test_two_kinds_of_elements_agree_on_the_end_of_the_model_to_three_digits(ladder):
+    assert all(one.outcome == "singular_dilation" for one in ladder)
+    times = [one.breakdown for one in ladder[1:4:2]]
+    assert times == pytest.approx([0.01485, 0.01485], rel=1e-3)
+    assert abs(times[0] - times[1]) < 1e-3 * times[0]
+    for one in ladder:
+        assert abs(one.dilation) < 1e-3
+        assert np.hypot(*one.place) < 2.0**-one.refine
+        assert one.residual < 1e-12
+        assert one.breakdown == pytest.approx(one.t, rel=1e-4)
+
+
+def test_breakdown_times_carry_an_uncertainty_that_covers_what_is_known(ladder):
+    found = breakdowns(ladder)
+    assert [one.method for one in found] == ["fem-p2-imex3", "fem-p3-imex4"]
+    apart, allowed = agreement(found)[STRONG]
+    assert 0 < apart <= allowed < 1e-2
+    # a run that went on says nothing about the end
+    assert not breakdowns([replace(one, breakdown=np.nan) for one in ladder])
+    # a fault: one method late by a part in fifty is seen
+    late = [replace(one, breakdown=1.02 * one.breakdown) if "p3" in one.method else one for one in ladder]
+    apart, allowed = agreement(breakdowns(late))[STRONG]
+    assert apart > allowed
+
+
+def test_twins_part_no_faster_than_linear_theory_allows(tmp_path):
+    text = scene_text("sec54-failure").replace("end = 0.0722", "end = 0.0005")
+    text = text.replace("outputs = [1.2046e-3, 3.6137e-3, 0.0722]", "")
+    (tmp_path / "short.toml").write_text(text)
+    task = Task(str(tmp_path / "short.toml"), Level("fem-p2-imex3", 2, 1e-4), epsilon=1e-10)
+    one, again = attempt(task, quiet), attempt(task, quiet)
+    assert (one.apart == again.apart).all()
+    assert 0.1e-10 < one.apart[0] < 1e-10
+    grown = one.apart[-1] / one.apart[0]
+    # by what a has at the start until it is no longer near 1
+    assert 3 < grown < np.exp(one.rate * one.times[-1])
+    assert one.rate == pytest.approx(7272, rel=1e-3)
+    assert one.horizon == pytest.approx(36.04 / 7272, rel=1e-2)
+    assert one.outcome == "completed"
+
+
+def test_a_report_is_read_as_it_was_written_and_its_page_says_so(ladder, tmp_path):
+    found = breakdowns(ladder)
+    write_extremes(tmp_path / FILE_NAME, ladder, found, "made by a test")
+    stored = read_extremes(tmp_path / FILE_NAME)
+    for one, other in zip(ladder, stored.attempts, strict=True):
+        assert one.key == other.key
+        assert one.breakdown == other.breakdown
+        assert (one.place == other.place).all()
+        assert (one.message, one.remesh, one.steps) == (other.message, other.remesh, other.steps)
+    assert [(one.times == other.times).all() for one, other in zip(found, stored.breakdowns, strict=True)]
+    page = write_extremes_page(tmp_path).read_text()
+    assert "1 of 1</span> breakdown times agree" in page
+    assert all(one.key in page for one in found)
+
+
+def test_the_plan_names_shipped_scenes_in_both_rheologies():
+    scenes = {name: load_scene(name) for name in {task.scene for task in tasks()}}
+    strong = {round(scene.parameters.psi): set() for scene in scenes.values()}
+    for scene in scenes.values():
+        strong[round(scene.parameters.psi)].add(str(scene.physics.rheology))
+    assert {104000, 30330, 7800, 1300, 22} == strong.keys()
+    assert all(rheologies == {"viscous", "viscoelastic"} for rheologies in strong.values())
+    assert all(str(scenes[name].physics.rheology) == "viscoelastic" for name in BREAKDOWNS)
+    assert all(str(scenes[name].physics.rheology) == "viscous" for name in CARRIED)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["extremes", "--only", "fig14-four-fronts"], "'fig14-four-fronts' is not in the study; valid:"),
+        (["run", "sec54-failure", "--method", "fem-p1-paper", "--remesh", "--out", "a.vtkhdf"],
+         "--remesh: not for fem-p1-paper; valid with fem-p1-imex2"),
+        (["run", "stirred", "--method", "fem-p2-imex3", "--remesh", "--out", "a.vtkhdf"],
+         "--remesh: stirred prescribes its motion"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_refused_in_a_line(words, said, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["actin_xcheck", *words])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert said in capsys.readouterr().err
