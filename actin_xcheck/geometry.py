@@ -1,4 +1,7 @@
-"""Reference meshes as plain arrays: disks and sectors with a line of nodes on the ring; measures on them."""
+"""Reference meshes as plain arrays: disks and sectors with a line of nodes on the ring; measures on them.
+
+Meshes of another origin (`outline.py`, `distortion.py`) are without layers.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -70,20 +73,27 @@ class Symmetry:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangulation of the reference disk or of a sector of it; it never changes, only node positions do.
+    """A triangulation of the reference cell or of a sector of it; it never changes, only node positions do.
 
     Attributes
     ----------
     xi : reference (material) positions of the nodes, (2, N).
     triangles : node numbers of each cell, counter-clockwise, (3, n_cells).
     h : the width of a layer, the length every order is measured in.
-    symmetry : of a sector, whose straight sides are its first two mirror lines; None for a disk.
+    symmetry : of a sector, whose straight sides are its first two mirror lines; None for a whole cell.
+    layered : whether its layers are circles about the origin, as `disk`'s; sides are straight else, but for
+        `arcs`, and the outline need not be a circle.
+    given_normals : see `normals`, of a mesh that was refined: its outline has lost what it says of them.
+    origin : the name of the file a user's mesh was read from and a hash of its nodes and cells; else empty.
     """
 
     xi: Array
     triangles: Indices
     h: float
     symmetry: Symmetry | None = None
+    layered: bool = True
+    origin: str = ""
+    given_normals: Array | None = None
 
     @cached_property
     def rim(self) -> Indices:
@@ -105,6 +115,24 @@ class Mesh:
     def rim_nodes(self) -> Indices:
         """Rim nodes in counter-clockwise order: (n_rim,) on a disk, (n_rim + 1,) on a sector."""
         return self.rim[0] if self.symmetry is None else np.append(self.rim[0], self.rim[1, -1])
+
+    @cached_property
+    def normals(self) -> Array:
+        """Outward normals of the reference rim at its nodes, of any length, zero elsewhere, (2, N).
+
+        On the unit circle the rays; where other sides meet, the integral of phi_i n ds: their mean by length.
+        """
+        if self.given_normals is not None:
+            return self.given_normals
+        start, end = self.xi[:, self.rim[0]], self.xi[:, self.rim[1]]
+        across = np.array([(end - start)[1], -(end - start)[0]])
+        before = np.roll(across, 1, axis=1)
+        rays = start * (np.hypot(*across) + np.hypot(*before))
+        on_arc = np.abs(np.hypot(*self.xi[:, self.rim]) - 1) < ON_A_CIRCLE
+        on_arc = on_arc.all(axis=0) & np.roll(on_arc.all(axis=0), 1)
+        normals = np.zeros_like(self.xi)
+        normals[:, self.rim[0]] = np.where(on_arc, rays, across + before)
+        return normals
 
     @cached_property
     def sides(self) -> Indices:
@@ -238,6 +266,34 @@ def _refined_diamond(refine: int) -> tuple[Array, Indices]:
     return np.array([i[inside], j[inside]]) / n, np.hstack(quadrants)
 
 
+ON_A_CIRCLE = 1e-6
+"""How near the unit circle or the ring a node of a mesh without layers counts as on it: files round."""
+
+
+def arcs(xi: Array, triangles: Indices, ring: float) -> NDArray[np.bool_]:
+    """Which sides of a mesh without layers are arcs, (3, n_cells): side i joins corners i and i + 1.
+
+    Those of the outline whose ends are on the unit circle, and those that divide the inside of the ring from
+    the outside, both ends on it.  All others are straight.
+    """
+    start, end = triangles, np.roll(triangles, -1, axis=0)
+    keys = np.minimum(start, end) * xi.shape[1] + np.maximum(start, end)
+    _, side, cells = np.unique(keys, return_inverse=True, return_counts=True)
+    side = side.reshape(triangles.shape)
+    outside = np.hypot(*xi[:, triangles].mean(axis=1)) > ring
+    outer = np.bincount(side.ravel(), np.tile(outside, 3))
+
+    def on(radius: float) -> NDArray[np.bool_]:
+        near = np.abs(np.hypot(*xi) - radius) < ON_A_CIRCLE
+        both: NDArray[np.bool_] = near[start] & near[end]
+        return both
+
+    found: NDArray[np.bool_] = (on(1.0) & (cells == 1)[side]) | (
+        on(ring) & ((cells == 2) & (outer == 1))[side]
+    )
+    return found
+
+
 def signed_areas(x: Array, triangles: Indices) -> Array:
     """Signed areas (n_cells,) of the triangles with node positions x (2, N); negative where inverted."""
     p0, p1, p2 = x[:, triangles[0]], x[:, triangles[1]], x[:, triangles[2]]
@@ -284,7 +340,7 @@ def locate(mesh: Mesh, points: Array) -> tuple[Indices, Array]:
     p0, p1, p2 = (mesh.xi[:, nodes] for nodes in mesh.triangles)
     twice = 2 * signed_areas(mesh.xi, mesh.triangles)
     for point in points.T:
-        inside, target = _nearest_in_polygon(mesh, point)
+        inside, target = nearest_in_polygon(mesh, point)
         d0, d1, d2 = (p - target[:, None] for p in (p0, p1, p2))
         bary = np.array([d1[0] * d2[1] - d1[1] * d2[0], d2[0] * d0[1] - d2[1] * d0[0], np.zeros_like(twice)])
         bary[:2] /= twice
@@ -296,12 +352,18 @@ def locate(mesh: Mesh, points: Array) -> tuple[Indices, Array]:
     return np.array(cells, dtype=np.int64), np.array(weights).reshape(-1, 3).T
 
 
-def _nearest_in_polygon(mesh: Mesh, point: Array) -> tuple[bool, Array]:
-    """Whether the point lies in the (convex, reference) polygon, and the polygon's point nearest to it."""
+def nearest_in_polygon(mesh: Mesh, point: Array) -> tuple[bool, Array]:
+    """Whether the point lies in the reference polygon, and the polygon's point nearest to it."""
     start, end = mesh.xi[:, mesh.rim[0]], mesh.xi[:, mesh.rim[1]]
     edge, offset = end - start, point[:, None] - start
-    if np.all(edge[0] * offset[1] - edge[1] * offset[0] >= 0):
+    across = edge[0] * offset[1] - edge[1] * offset[0]
+    if np.all(across >= 0):
         return True, point
+    if not mesh.layered:  # an outline need not be convex: it winds once around its points
+        up = (offset[1] >= 0) & (end[1] > point[1]) & (across > 0)
+        down = (offset[1] < 0) & (end[1] <= point[1]) & (across < 0)
+        if up.sum() != down.sum():
+            return True, point
     along = np.clip((edge * offset).sum(axis=0) / (edge**2).sum(axis=0), 0, 1)
     nearest = start + along * edge
     return False, nearest[:, np.argmin(np.hypot(*(nearest - point[:, None])))]

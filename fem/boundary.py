@@ -22,13 +22,15 @@ def rim_directions(closure: Closure, space: Space, x: Array) -> Array:
     Parameters
     ----------
     closure : the reading; a `traction-free` rim moves freely, its three tied nodes take their rays.
-    space : on the reference disk, or on a sector, where the rim's ends keep to their sides instead.
+    space : on the reference cell, or on a sector, where the rim's ends keep to their sides instead.
     x : current node positions (2, N).
     """
     rim = space.rim_nodes
     match closure:
-        case Closure.REFERENCE_NORMAL | Closure.TRACTION_FREE:
-            # the normal of the non-deformed circle (B.7): a rim point keeps to its ray
+        case Closure.REFERENCE_NORMAL:
+            # the normal of the non-deformed outline (B.7): on a circle a rim point keeps to its ray
+            direction = space.rim_normals
+        case Closure.TRACTION_FREE:
             direction = space.xi[:, rim]
         case Closure.CURRENT_NORMAL:
             # n_i proportional to the integral of phi_i n ds; for P1 the chord between the neighbours, turned
@@ -63,7 +65,7 @@ class Constraint:
     Parameters
     ----------
     closure : which nodes are tied, and how.
-    space : on the reference disk or a sector.
+    space : on the reference cell or a sector.
     """
 
     def __init__(self, closure: Closure, space: Space) -> None:
@@ -72,7 +74,7 @@ class Constraint:
         self._which = np.arange(space.rim_nodes.size)
         if closure is Closure.TRACTION_FREE:
             # three rim points on their rays take the rigid motions out; the balance puts the right ones back
-            self._which = np.arange(3 if space.symmetry is None else 0) * space.rim_nodes.size // 3
+            self._which = _a_third_apart(space)
         self.tied = space.rim_nodes[self._which]
         self.on_sides, self._along = along_sides(closure, space)
         components = np.full(space.xi.shape[1], 2)
@@ -109,6 +111,18 @@ class Constraint:
     def prolongation(self, x: Array) -> sp.csr_matrix:
         """Sparse map P (2 N, n_free) from free unknowns to interleaved nodal vectors."""
         return sp.csr_matrix((self.weights(x), self.unknown, np.arange(self.unknown.size + 1)))
+
+
+def _a_third_apart(space: Space) -> Indices:
+    """Three of the rim nodes by their places in `rim_nodes`, about 120 degrees apart; none of a sector's."""
+    if space.symmetry is not None:
+        return np.zeros(0, dtype=np.int64)
+    if space.normals is None:
+        return np.arange(3) * space.rim_nodes.size // 3
+    x, y = space.xi[:, space.rim_nodes]
+    angle = np.remainder(np.arctan2(y, x) - np.arctan2(y[0], x[0]), 2 * np.pi)
+    thirds = np.arange(3)[:, None] * 2 * np.pi / 3
+    return np.where(angle <= thirds, angle, -1.0).argmax(axis=1)
 
 
 def settle(closure: Closure, space: Space, x: Array) -> Array:

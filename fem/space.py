@@ -8,7 +8,7 @@ import numpy as np
 from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
-from actin_xcheck.geometry import Indices, Mesh, Symmetry, signed_areas
+from actin_xcheck.geometry import ON_A_CIRCLE, Indices, Mesh, Symmetry, arcs, signed_areas
 from actin_xcheck.linear import nested_dissection
 from actin_xcheck.model import Array
 from fem.element import UNIFORM, lagrange
@@ -23,9 +23,10 @@ SIDES = list(permutations(range(3), 2))
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """P_k on a mesh of `geometry.disk` or `sector`; node positions x (2, N) are themselves a P_k field.
+    """P_k on a mesh; node positions x (2, N) are themselves a P_k field.
 
-    Nodes on layers from the ring outwards are on true circles; inner cells fade to straight ones.
+    On a layered mesh nodes on layers from the ring outwards are on true circles; inner cells fade to straight
+    ones.  On others `geometry.arcs` are curved, and the cells along them.
 
     Attributes
     ----------
@@ -35,6 +36,7 @@ class Space:
     orientation : -1 where a cell's vertices run clockwise, else 1, (n_cells,).
     rim : the mesh's rim edges, counter-clockwise, (2, n_rim).
     symmetry : the mesh's, of a sector.
+    normals : the mesh's, (2, number of its nodes); None where its rim is the unit circle or an arc of it.
     """
 
     order: int
@@ -43,19 +45,21 @@ class Space:
     orientation: Array
     rim: Indices
     symmetry: Symmetry | None = None
+    normals: Array | None = None
 
     @classmethod
     def on(cls, mesh: Mesh, order: int, ring: float) -> "Space":
-        """Build the space of order k on a disk whose layers are circles from radius `ring` outwards."""
+        """Build the space of order k on a mesh; beyond the radius `ring` its layers are circles."""
         # P3 and P4 number an edge's nodes from its lower to its higher vertex, hence the sorting
         triangles = np.sort(mesh.triangles, axis=0) if order > 2 else mesh.triangles
         flat = MeshTri(mesh.xi, triangles.astype(np.int32), sort_t=False)
         cells = Basis(flat, UNIFORM[order], intorder=1).element_dofs.astype(np.int64)
         xi = np.empty((2, cells.max() + 1))
-        xi[:, cells] = _curved(mesh, triangles, ring, order)
+        xi[:, cells] = (_curved if mesh.layered else _with_arcs)(mesh, triangles, ring, order)
         xi[:, : mesh.xi.shape[1]] = mesh.xi
         orientation = np.sign(signed_areas(mesh.xi, triangles))
-        return cls(order, xi, cells, orientation, mesh.rim, mesh.symmetry)
+        normals = None if mesh.layered else mesh.normals
+        return cls(order, xi, cells, orientation, mesh.rim, mesh.symmetry, normals)
 
     @cached_property
     def inside(self) -> Rule:
@@ -97,6 +101,23 @@ class Space:
         local = np.argsort(np.where(on_edge, along, np.inf), axis=1)[:, : self.order]
         starts = self.cells[local, self.rim_cells[:, None]].ravel()
         return starts if self.symmetry is None else np.append(starts, self.rim[1, -1])
+
+    @cached_property
+    def rim_normals(self) -> Array:
+        """Outward normals of the reference rim at its nodes, of any length, (2, n).
+
+        On the unit circle the rays.  Along another side they turn steadily from one of its ends to the other:
+        a polygon stands for a smooth outline, whose rim could not move if it kept to all normals of a corner.
+        """
+        if self.normals is None:
+            return self.xi[:, self.rim_nodes]
+        nodes = self.rim_nodes.reshape(-1, self.order)
+        start, end = (self.normals[:, ends] / np.hypot(*self.normals[:, ends]) for ends in self.rim)
+        along = np.sort(lagrange(self.order).nodes[1, lagrange(self.order).nodes[2] == 0])[:-1]
+        turned = (1 - along) * start[..., None] + along * end[..., None]
+        is_arc = (np.abs(np.hypot(*self.xi[:, self.rim]) - 1) < ON_A_CIRCLE).all(axis=0)
+        inner = is_arc[:, None] & (along > 0)
+        return np.where(inner, self.xi[:, nodes], turned).reshape(2, -1)
 
     @cached_property
     def scalars(self) -> Scatter:
@@ -164,6 +185,41 @@ def _curved(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
     angle = mean(layers * angles) / np.where(layer > 0, layer, 1.0)
     straight, polar = mean(corners), radius * np.array([np.cos(angle), np.sin(angle)])
     return straight + np.minimum(radius / ring, 1) ** order * (polar - straight)
+
+
+def _with_arcs(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
+    """Node positions (2, n_local, n_cells) in cells whose sides are straight, or arcs.
+
+    Across a cell the departure of a side from its chord fades degree by degree (Lenoir, SIAM J. Numer. Anal.
+    23, 1986): with s along the side and P_m its interpolate of degree m it is sum_m w^m (P_m - P_{m-1})(s), w
+    being 1 on the side and 0 at the corner across.  Derivatives of order m within a cell are then O(h^m).
+    """
+    corners, shares = mesh.xi[:, triangles], lagrange(order).nodes
+    nodes = np.einsum("cn,ice->ine", shares, corners)
+    for i, curved in enumerate(arcs(mesh.xi, triangles, ring)):
+        which, j = np.flatnonzero(curved), (i + 1) % 3
+        w = shares[i] + shares[j]
+        s = shares[j] / np.where(w > 0, w, 1.0)
+        before = np.zeros((2, s.size, which.size))
+        for degree in range(2, order + 1):
+            now = _departure(corners[:, i, which], corners[:, j, which], degree, s)
+            nodes[:, :, which] += w[:, None] ** degree * (now - before)
+            before = now
+    return nodes
+
+
+def _departure(start: Array, end: Array, degree: int, s: Array) -> Array:
+    """Of arcs about the origin from their chords, interpolated with a degree: (2, n_s, n) at s (n_s,)."""
+    element = lagrange(degree)
+    known = np.sort(element.nodes[1, element.nodes[2] == 0])
+    angle, turn = np.arctan2(start[1], start[0]), start[0] * end[1] - start[1] * end[0]
+    turn = np.arctan2(turn, (start * end).sum(axis=0))
+    to = known[:, None]
+    angles, radii = angle + to * turn, (1 - to) * np.hypot(*start) + to * np.hypot(*end)
+    chord = (1 - to) * start[:, None] + to * end[:, None]
+    values = radii * np.array([np.cos(angles), np.sin(angles)]) - chord
+    change = np.vander(s, degree + 1) @ np.linalg.inv(np.vander(known, degree + 1))
+    return np.einsum("sk,ike->ise", change, values)
 
 
 def _layer_radii(mesh: Mesh) -> Array:
