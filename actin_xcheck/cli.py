@@ -17,27 +17,49 @@ from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
 from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.chart import chart_command
 from actin_xcheck.charting.record import FILE_NAME as CHART_FILE
-from actin_xcheck.command_line import command, make_folder, report_folder
+from actin_xcheck.closures.record import FILE_NAME as CLOSURES_FILE
+from actin_xcheck.closures_command import closures_command
+from actin_xcheck.command_line import command, make_folder, report_folder, resuming_command
 from actin_xcheck.converge import converge_command
 from actin_xcheck.convergence.record import FILE_NAME as CONVERGENCE_FILE
+from actin_xcheck.distort import distort_command
+from actin_xcheck.distorting.record import FILE_NAME as DISTORTION_FILE
 from actin_xcheck.errors import LONGEST, UserError, brief
-from actin_xcheck.fidelity import Fidelity, Reduction, reduced
+from actin_xcheck.extremes.record import FILE_NAME as EXTREMES_FILE
+from actin_xcheck.extremes_command import extremes_command
+from actin_xcheck.faults.record import FILE_NAME as FAULTS_FILE
+from actin_xcheck.faults_command import faults_command
+from actin_xcheck.fidelity import FULL, Fidelity, Reduction, reduced
+from actin_xcheck.files import locked, unfinished
 from actin_xcheck.frontier.record import FILE_NAME as FRONTIER_FILE
+from actin_xcheck.geometry import Mesh
+from actin_xcheck.history_command import diff_command, history_command
 from actin_xcheck.model import CAVEATS
+from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
+from actin_xcheck.nightly_command import nightly_command
+from actin_xcheck.outline import caveats, read_mesh
 from actin_xcheck.paper import paper_command
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
+from actin_xcheck.render_command import export_command, render_command
 from actin_xcheck.report import (
     write_audit_page,
     write_chart_page,
+    write_closures_page,
     write_convergence_page,
+    write_distortion_page,
+    write_extremes_page,
+    write_faults_page,
     write_frontier_page,
+    write_night_page,
     write_report,
     write_theory_page,
 )
-from actin_xcheck.runs import numerics, run
+from actin_xcheck.result import Ending
+from actin_xcheck.runs import numerics, remeshes, run
 from actin_xcheck.scene import Scene, load_scene, scene_text, shipped_scenes
 from actin_xcheck.survey import frontier_command
+from actin_xcheck.sweep_command import sweep_command
 
 app = typer.Typer(
     add_completion=False,
@@ -52,7 +74,17 @@ app.add_typer(predict.app, name="predict")
 app.command("paper")(paper_command)
 app.command("converge")(converge_command)
 app.command("chart")(chart_command)
+app.command("sweep")(sweep_command)
+app.command("render")(render_command)
+app.command("export")(export_command)
 app.command("frontier")(frontier_command)
+app.command("closures")(closures_command)
+app.command("distort")(distort_command)
+app.command("faults")(faults_command)
+app.command("extremes")(extremes_command)
+app.command("history")(history_command)
+app.command("diff")(diff_command)
+app.command("nightly")(nightly_command)
 
 Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
@@ -101,14 +133,15 @@ def compare_command(
     if (folder / "comparison.h5").exists() and not force:
         raise UserError(f"--out: {folder} holds a comparison already; valid: another folder, or --force")
     make_folder(folder)
-    for stale in ("comparison.h5", "index.html"):  # a page must never stand beside runs it is not made of
-        (folder / stale).unlink(missing_ok=True)
-    jobs = comparison.jobs_of(loaded, methods, folder, refine, dt, rtol)
-    for scene in loaded:
-        _warn_of(scene)
-    with Progress(quiet) as progress:
-        claims = comparison.compare(jobs, folder, command(), progress.report)
-    page = write_report(folder)
+    with locked(folder / "comparison.h5"):
+        for stale in ("comparison.h5", "index.html"):  # a page must never stand beside runs it is not made of
+            (folder / stale).unlink(missing_ok=True)
+        jobs = comparison.jobs_of(loaded, methods, folder, refine, dt, rtol)
+        for scene in loaded:
+            _warn_of(scene)
+        with Progress(quiet) as progress:
+            claims = comparison.compare(jobs, folder, command(), progress.report)
+        page = write_report(folder)
     judged = [claim for claim in claims if claim.judged]
     failed = [claim for claim in judged if not claim.holds]
     for claim in failed:
@@ -135,14 +168,30 @@ def run_command(
     fidelity: Annotated[
         Fidelity, typer.Option(help="How much of the model is solved; auto: what the scene needs.")
     ] = Fidelity.AUTO,
+    mesh_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--mesh", help="The cell's outline: triangles in a file meshio reads (.msh, .vtu, ...)."
+        ),
+    ] = None,
+    remesh: Annotated[
+        bool, typer.Option("--remesh", help="Replace the mesh when it is about to fold, and go on.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with an interrupted run; else begin it, or leave it be.")
+    ] = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run one scene with one method; exit code 1 (and a file that says why) where the run fails."""
+    """Run one scene with one method; exit code 1 (and a file that says why) where the run fails.
+
+    Ctrl-C ends it after the step, exit code 130; --resume goes on to what it would have been without, to the
+    last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
+    """
     _positive(dt)
     loaded = load_scene(scene)
     if accuracy is not None:
-        _check_accuracy(accuracy, method, refine, dt, rtol)
+        _check_accuracy(accuracy, method, refine, dt, rtol, resume)
     elif rtol is not None and not find_method(method).adaptive:
         adaptive = ", ".join(name for name, known in METHODS.items() if known.adaptive)
         raise UserError(f"--rtol: {method} takes equal steps; valid with {adaptive}, or --dt instead")
@@ -150,16 +199,27 @@ def run_command(
         raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
     if out_file.is_dir():
         raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
-    if out_file.exists() and not force:
+    if force and resume:
+        raise UserError("--resume goes on with what --force begins again; valid: one of them")
+    if out_file.exists() and not (force or resume):
         raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
+    if unfinished(out_file).exists() and not (force or resume):
+        raise UserError(
+            f"--out: {unfinished(out_file)} is an interrupted run; valid: --resume, or --force to begin again"
+        )
+    mesh = None if mesh_file is None else _outline(mesh_file, loaded, accuracy, fidelity)
+    if remesh:
+        _check_remesh(loaded, method, fidelity, mesh_file)
     make_folder(out_file.parent)
     _warn_of(loaded)
     if accuracy is not None:
         _deliver(loaded, accuracy, out_file, quiet, fidelity)
     chosen = find_method(method)
+    divided = refine or 0
     refine, dt = numerics(loaded, refine, dt)
+    refine = refine if mesh is None else divided
     job = comparison.Job(loaded, chosen, refine, dt, out_file, rtol)
-    reduction = reduced(loaded, chosen, fidelity, rtol)
+    reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
     _say(reduction)
     with Progress(quiet) as progress:
         outcome = run(
@@ -172,14 +232,52 @@ def run_command(
             lambda done, total: progress.report(job.label, done, total),
             rtol,
             reduction,
+            resume,
+            heeds_signals=True,
+            mesh=mesh,
+            remesh=remesh,
         )
+    if outcome.ending is Ending.INTERRUPTED:
+        place = outcome.message.split(";")[0]
+        print(f"actin_xcheck: interrupted {place}; to go on: {resuming_command()}", file=sys.stderr)
+        raise typer.Exit(130)
     print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
 
 
+def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelity) -> Mesh:
+    """The user's mesh, with what must be known of it on standard error."""
+    if accuracy is not None:
+        raise UserError(
+            "--mesh: not with --accuracy, whose levels are the disk's; valid: --refine, --dt, --rtol"
+        )
+    if fidelity not in (Fidelity.AUTO, Fidelity.FULL):
+        raise UserError(f"--mesh: not with --fidelity {fidelity}, which is part of a disk; valid: auto, full")
+    mesh = read_mesh(path)
+    for sentence in caveats(scene, mesh):
+        print(f"warning: {sentence}", file=sys.stderr)
+    print(f"{Fidelity.FULL}: nothing is left out, for what is cut down elsewhere is the disk")
+    return mesh
+
+
+def _check_remesh(scene: Scene, method: str, fidelity: Fidelity, mesh_file: Path | None) -> None:
+    if method not in (valid := [name for name, known in METHODS.items() if remeshes(known)]):
+        raise UserError(f"--remesh: not for {method}; valid with {', '.join(valid)}")
+    if scene.motion is not None:
+        raise UserError(
+            f"--remesh: {scene.origin} prescribes its motion; valid: one moved by the force balance"
+        )
+    if mesh_file is not None:
+        raise UserError("--remesh: not with --mesh; valid: the disk")
+    if fidelity not in (Fidelity.AUTO, Fidelity.FULL):
+        raise UserError(f"--remesh: the whole cell is solved, not --fidelity {fidelity}; valid: auto, full")
+
+
 def _check_accuracy(
-    accuracy: float, method: str, refine: int | None, dt: float | None, rtol: float | None
+    accuracy: float, method: str, refine: int | None, dt: float | None, rtol: float | None, resume: bool
 ) -> None:
+    if resume:
+        raise UserError("--resume: not with --accuracy, which chooses its runs anew; valid: --force instead")
     if not 0 < accuracy < 1:
         raise UserError(f"--accuracy: {accuracy:g} is no error; valid: a number between 0 and 1")
     if method != "fem":
@@ -212,7 +310,8 @@ def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelit
         raise typer.Exit(1)
     print(
         f"completed: {out_file}; estimated error {reached.estimate:.1e} "
-        f"(--method {reached.level.method.name} --refine {reached.level.refine} --rtol {reached.level.rtol:g})"
+        f"(--method {reached.level.method.name} --refine {reached.level.refine} "
+        f"--rtol {reached.level.rtol:g})"
     )
     raise typer.Exit(0)
 
@@ -243,8 +342,13 @@ def report_command(folder: Path) -> None:
     pages = {
         AUDIT_FILE: write_audit_page,
         CHART_FILE: write_chart_page,
+        CLOSURES_FILE: write_closures_page,
         CONVERGENCE_FILE: write_convergence_page,
+        DISTORTION_FILE: write_distortion_page,
+        EXTREMES_FILE: write_extremes_page,
+        FAULTS_FILE: write_faults_page,
         FRONTIER_FILE: write_frontier_page,
+        NIGHT_FILE: write_night_page,
         PREDICTIONS_FILE: write_theory_page,
     }
     write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)

@@ -1,11 +1,19 @@
-"""Methods by name, loaded on demand: nothing here imports a solver until it is asked for."""
+"""Methods by name, loaded on demand: nothing here imports a solver until it is asked for.
+
+Those of installed packages are found by their entry points, looked up when a name is not one of `METHODS`
+and imported when it is theirs.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from actin_xcheck.errors import UserError
+
+ENTRY_POINTS = "actin_xcheck.methods"
+"""The group of entry points, NAME = "module:attribute": the attribute is a `Method` of that name."""
 
 FORCE_BALANCE = "fem.force_balance:ForceBalance"
 """The one Mechanics that solves the force balance; finite volumes borrow it."""
@@ -24,6 +32,12 @@ HAND_OVER = "fem.handover:HandOver"
 
 SPECTRUM = "fem.spectrum:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
+
+REMESHING = "fem.remeshing:Remeshing"
+"""Curved elements whose mesh is replaced when it is about to fold."""
+
+SHAPES, SOUNDNESS = "fem.quality:shapes", "fem.quality:soundness"
+"""The shape of a mesh's cells, and whether it is about to fold."""
 
 
 @dataclass(frozen=True)
@@ -128,10 +142,50 @@ METHODS = {
 
 
 def find_method(name: str) -> Method:
-    """Return the method called `name`; UserError lists the valid ones."""
+    """Return the method called `name`, from here or from an installed package.
+
+    Raises
+    ------
+    UserError : there is none, or more than one; or its package cannot be loaded, or holds something else.
+    """
+    found = _entry_points(name)
+    places = [f"this package's {name}"] * (name in METHODS) + [
+        f"{one.value} {_package(one)}" for one in found
+    ]
+    if len(places) > 1:
+        raise UserError(
+            f"--method: {name!r} is {' and '.join(places)}; valid: one of them, uninstall the others"
+        )
+    if found:
+        return _loaded(found[0])
     if name not in METHODS:
-        raise UserError(f"--method: {name!r} is not a method; valid: {', '.join(METHODS)}")
+        others = sorted({one.name for one in entry_points(group=ENTRY_POINTS)} - METHODS.keys())
+        raise UserError(f"--method: {name!r} is not a method; valid: {', '.join([*METHODS, *others])}")
     return METHODS[name]
+
+
+def _entry_points(name: str) -> list[EntryPoint]:
+    """Those of a name, one for each place: an editable install is found twice."""
+    found = {(one.value, _package(one)): one for one in entry_points(group=ENTRY_POINTS, name=name)}
+    return list(found.values())
+
+
+def _package(point: EntryPoint) -> str:
+    """The package an entry point belongs to, in words."""
+    return f"of {point.dist.name} {point.dist.version}" if point.dist else "of an unknown package"
+
+
+def _loaded(point: EntryPoint) -> Method:
+    """The method of an entry point; whatever its package raises when it is imported becomes one line."""
+    what = f"--method: {point.name!r} ({point.value} {_package(point)})"
+    try:
+        method = point.load()
+    except Exception as error:
+        raise UserError(f"{what} cannot be loaded: {type(error).__name__}: {error}") from error
+    if not isinstance(method, Method) or method.name != point.name:
+        named = f"a Method named {method.name!r}" if isinstance(method, Method) else type(method).__name__
+        raise UserError(f"{what} is {named}; valid: a Method named {point.name!r}")
+    return method
 
 
 def load(target: str) -> Callable[..., Any]:

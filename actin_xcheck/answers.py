@@ -1,0 +1,48 @@
+"""What commands say under `--json`: one object on one line of standard output, and what stands in it."""
+
+from typing import Annotated, Any, Literal
+
+import typer
+from pydantic import BaseModel, ConfigDict
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on one line.")]
+
+
+class Answer(BaseModel):
+    """What every command says; numbers that are not finite are null."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class SweepAnswer(Answer):
+    """`sweep`."""
+
+    command: Literal["sweep"] = "sweep"
+    folder: str
+    table: str
+    """The table in CSV; beside it lies the same in HDF5."""
+    runs: int
+    made: int
+    """Runs that had no file before."""
+    outcomes: dict[str, int]
+    """How many runs ended how."""
+
+
+class FilesAnswer(Answer):
+    """`render` and `export`."""
+
+    command: Literal["render", "export"]
+    files: tuple[str, ...]
+    times: tuple[float, ...]
+    """The output times that were drawn or written."""
+
+
+def say(answer: Answer) -> None:
+    """Print an answer."""
+    print(answer.model_dump_json())
+
+
+def schemas() -> dict[str, dict[str, Any]]:
+    """JSON Schemas of what the commands that are loaded say, by the name of the class."""
+    whole = [kind for kind in Answer.__subclasses__() if kind.__name__.endswith("Answer")]  # others are parts
+    return {kind.__name__: kind.model_json_schema() for kind in whole}

@@ -1,0 +1,170 @@
+"""The commands for notebooks and scripts: what they do, with arrays in place of files and pages.
+
+Every quantity is non-dimensional.  A mistake raises `UserError`, whose one line says what is valid; a run
+that fails is a result like any other, and says so in its `outcome`.  `cross_check` and `sweep` start
+processes: a script calls them under `if __name__ == "__main__":`.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from actin_xcheck import compare as comparison
+from actin_xcheck import pictures, runs
+from actin_xcheck.command_line import make_folder, report_folder
+from actin_xcheck.errors import UserError
+from actin_xcheck.fidelity import Fidelity, reduced
+from actin_xcheck.registry import METHODS, find_method
+from actin_xcheck.report import write_report
+from actin_xcheck.scene import Scene, load_scene
+from actin_xcheck.store import Comparison, Run, read_comparison, read_run
+from actin_xcheck.sweeping.carry_out import carry_out, plan
+from actin_xcheck.sweeping.table import SweepTable
+from actin_xcheck.sweeping.task import Numerics
+
+__all__ = ["cross_check", "load", "render", "run", "sweep"]
+
+
+def load(path: str | Path) -> Run:
+    """Return a stored run as arrays.
+
+    Returns
+    -------
+    A `Run` with `times` (n_frames,); node positions `points`, displacements `u` and velocities `v`
+    (n_frames, 2, N), starting at `xi` (2, N); concentrations `a_points` (n_frames, N) and their cell means
+    `a_cells` (n_frames, n_cells); nodes of the `cells` (n_local, n_cells), and of the straight `triangles`
+    (3, k^2 n_cells) between them for whoever plots; `series` with a row per time step: `time`, `area`,
+    `total_actin` and so on; `attributes`: `outcome`, `scene`, `method_name`, `commit` and so on.
+
+    UserError where `path` is no run.
+    """
+    return read_run(Path(path))
+
+
+def run(
+    scene: Scene | str | Path,
+    method: str,
+    *,
+    refine: int | None = None,
+    dt: float | None = None,
+    rtol: float | None = None,
+    fidelity: str = Fidelity.AUTO,
+    out: str | Path | None = None,
+) -> Run:
+    """Run a scene with a method, as the command `run` does, and return it as `load` would.
+
+    Parameters
+    ----------
+    scene : a shipped name, the path of a TOML file, or what `load_scene` of `actin_xcheck.scene` returns.
+    method : a name out of `actin_xcheck.registry.METHODS`.
+    refine, dt : the mesh has 2**refine layers, steps are of at most dt; else as published, else 5 and 100
+        steps.
+    rtol : largest local error of a step, for an adaptive method.
+    fidelity : how much of the model is solved, a name out of `Fidelity`.
+    out : a `.vtkhdf` to keep, replaced where it exists; without one nothing is kept on disk.
+    """
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
+    chosen = find_method(method)
+    if rtol is not None and not chosen.adaptive:
+        adaptive = ", ".join(name for name, known in METHODS.items() if known.adaptive)
+        raise UserError(f"rtol: {method} takes equal steps; valid with {adaptive}, or dt instead")
+    refine, dt = runs.numerics(scene, refine, dt)
+    reduction = reduced(scene, chosen, _fidelity(fidelity), rtol)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.vtkhdf" if out is None else Path(out)
+        make_folder(path.parent)
+        runs.run(scene, chosen, refine, dt, path, "actin_xcheck.run", rtol=rtol, reduction=reduction)
+        return read_run(path)
+
+
+def cross_check(
+    scenes: str | Path | Sequence[str | Path] = comparison.DEFAULT_SCENES,
+    methods: Sequence[str] = comparison.DEFAULT_METHODS,
+    *,
+    refine: int | None = None,
+    dt: float | None = None,
+    rtol: float | None = None,
+    out: str | Path | None = None,
+) -> Comparison:
+    """Hold methods against theory, exact solutions and each other, as the command `compare` does.
+
+    Parameters
+    ----------
+    scenes : shipped names or paths of TOML files.
+    methods : names out of `actin_xcheck.registry.METHODS`.
+    refine, dt, rtol : as for `run`; `rtol` for the adaptive methods among them.
+    out : a new folder for runs and report; else `reports/compare-<date>`.
+
+    Returns
+    -------
+    The comparison: `claims`, each with `value`, `bound` and `holds`, and `runs` by "scene/method".
+    """
+    wanted = [scenes] if isinstance(scenes, str | Path) else scenes
+    chosen = [find_method(name) for name in methods]
+    folder = report_folder(None if out is None else Path(out), "compare")
+    if (folder / "comparison.h5").exists():
+        raise UserError(f"out: {folder} holds a comparison already; valid: another folder")
+    jobs = comparison.jobs_of(
+        [load_scene(one) for one in wanted], chosen, make_folder(folder), refine, dt, rtol
+    )
+    comparison.compare(jobs, folder, "actin_xcheck.cross_check")
+    write_report(folder)
+    return read_comparison(folder / "comparison.h5")
+
+
+def sweep(
+    file: str | Path,
+    methods: str | Sequence[str],
+    *,
+    out: str | Path,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    refine: int | None = None,
+    dt: float | None = None,
+    rtol: float | None = None,
+    fidelity: str = Fidelity.AUTO,
+) -> SweepTable:
+    """Run a scene over ranges, or many scenes, as the command `sweep` does, and return the table.
+
+    Parameters
+    ----------
+    file : a TOML file of ranges over a scene, or of scenes.
+    methods : one or several names out of `actin_xcheck.registry.METHODS`.
+    out : folder of the runs; what is there already is not run again.
+    jobs : processes on this machine; else as many as it has cores.
+    scheduler : address of a `dask.distributed` scheduler, in place of `jobs`.
+    refine, dt, rtol, fidelity : as for `run`.
+
+    Returns
+    -------
+    The table: `table["parameters.psi"]`, `table["outcome"]`, `table["area"]` are arrays with an entry a run.
+    """
+    names = [methods] if isinstance(methods, str) else list(methods)
+    numerics = Numerics(names[0], refine, dt, rtol, _fidelity(fidelity))
+    planned = plan(Path(file), names, numerics, make_folder(Path(out)), "actin_xcheck.sweep")
+    table, _ = carry_out(planned, jobs or os.cpu_count() or 1, scheduler, lambda label, done, total: None)
+    return table
+
+
+def render(run: Run | str | Path, out: str | Path, *, time: float | None = None, field: str = "a") -> Path:
+    """Draw a frame of a run as a .png, or its film as a .gif or .mp4, as the command `render` does.
+
+    Parameters
+    ----------
+    run : what `run` or `load` returned, or the path of one.
+    out : the picture's file, replaced where it exists.
+    time : output time of a .png; else the last.
+    field : a name out of `actin_xcheck.pictures.FIELDS`.
+    """
+    stored = run if isinstance(run, Run) else read_run(Path(run))
+    pictures.render(stored, Path(out), time, field)
+    return Path(out)
+
+
+def _fidelity(name: str) -> Fidelity:
+    try:
+        return Fidelity(name)
+    except ValueError:
+        raise UserError(f"fidelity: {name!r} is none; valid: {', '.join(Fidelity)}") from None

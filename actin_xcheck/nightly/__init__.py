@@ -1,0 +1,1 @@
+"""The whole verification suite as one job of a night: planned, carried out, kept."""

@@ -1,0 +1,79 @@
+"""A night against an earlier one: no number that does not depend on the machine may be worse."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.history.record import Judged, Kind, Night, Number
+from actin_xcheck.history.steps import Difference, differences
+from actin_xcheck.nightly.groups import BASELINE
+
+ROUND_OFF = 1e-11
+"""Values of claims and errors up to this are round-off, whose doubling is no news."""
+
+_SAID = {
+    Kind.CLAIM: "no claim's value is twice what it was",
+    Kind.ERROR: "no error is twice what it was",
+    Kind.ORDER: "no order is lower by a tenth",
+    Kind.RATE: "no growth rate has moved by a twentieth",
+    Kind.COUNT: "no counted work is 15 % more",
+}
+
+
+def against(
+    night: Night,
+    old: tuple[Sequence[Number], Mapping[str, Judged]],
+    new: tuple[Sequence[Number], Mapping[str, Judged]],
+) -> list[Claim]:
+    """Return a claim for every kind of number: that none is worse by what is of interest.
+
+    Parameters
+    ----------
+    night : the earlier one.
+    old, new : numbers and claims by key, of the earlier night and of this one.
+
+    Numbers that only one of them has are not compared, nor are times and memory, which the history judges
+    over many nights.
+    """
+    before, after = ([*numbers, *_values(claims)] for numbers, claims in (old, new))
+    common = {one.key for one in before} & {one.key for one in after}
+    found = [
+        one
+        for one in differences(
+            [one for one in before if one.key in common and math.isfinite(one.value)],
+            [one for one in after if one.key in common],
+        )
+        if not one.key.startswith("red/")
+    ]
+    compared = {kind: sum(one.kind is kind for one in after if one.key in common) for kind in _SAID}
+    return [
+        _claim(night, kind, [one for one in found if one.kind is kind and _worse(one)], compared[kind])
+        for kind in _SAID
+        if compared[kind]
+    ]
+
+
+def _values(claims: Mapping[str, Judged]) -> list[Number]:
+    return [
+        Number(f"claim/{key}", Kind.CLAIM, one.claim.value) for key, one in claims.items() if one.claim.judged
+    ]
+
+
+def _worse(one: Difference) -> bool:
+    small = one.kind in (Kind.CLAIM, Kind.ERROR) and one.new <= ROUND_OFF
+    return not small and (one.direction in ("worse", "gone") or one.kind is Kind.RATE)
+
+
+def _claim(night: Night, kind: Kind, worse: Sequence[Difference], compared: int) -> Claim:
+    listed = "; ".join(f"{one.key}: {one.change}" for one in worse if one.weight >= 1)
+    return Claim(
+        "baseline",
+        (),
+        _SAID[kind],
+        max((one.weight for one in worse), default=0.0),
+        1.0,
+        f"python -m actin_xcheck diff {night.name} NIGHT",
+        f"{BASELINE}{kind}",
+        f"against {night.name}: {listed or f'{compared} numbers compared'}; "
+        "value: largest change over the smallest of interest",
+    )

@@ -1,0 +1,58 @@
+"""What the files of a check hold: where a claim's numbers stand, and the numbers that go to the history."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.convergence.record import FILE_NAME as STUDIES
+from actin_xcheck.convergence.record import read_convergence
+from actin_xcheck.history.record import Kind, Number
+from actin_xcheck.store import reading
+from actin_xcheck.triangulation import read_triangles
+
+COMPARISON = "comparison.h5"
+
+
+def located(claim: Claim, folder: Path) -> tuple[str, Claim]:
+    """The file in a check's folder that holds a claim's numbers, and the claim with its path in that file."""
+    for name in (COMPARISON, STUDIES):
+        if (folder / name).exists():
+            return name, claim
+    runs = sorted(folder.glob("*.vtkhdf"), key=lambda run: run.stat().st_mtime_ns)
+    if not runs:
+        return "", claim
+    inside = claim.path.split("/", 4)[-1]  # behind /runs/<scene>/<method>/, which a comparison links
+    return runs[0].name, replace(claim, path=f"/{inside}")
+
+
+def numbers_in(folder: Path, check: str) -> Iterator[Number]:
+    """Observed orders, errors, rates, steps and times that the files in a check's folder hold."""
+    if (folder / STUDIES).exists():
+        yield from _of_studies(folder, check)
+    if (folder / COMPARISON).exists():
+        for triangle in read_triangles(folder / COMPARISON):
+            if triangle.quantity == "growth_rate":
+                for method, corner in zip(triangle.methods, triangle.corners, strict=False):
+                    key = f"rate/{triangle.scene}/{method} · {check}"
+                    yield Number(key, Kind.RATE, corner.value, "", f"{COMPARISON}/triangles/{triangle.key}")
+    for run in sorted(folder.glob("*.vtkhdf")):
+        if "--coarser-" in run.name:
+            continue
+        with reading(run, "run") as file:
+            steps = len(file["run/series/time"]) - 1
+            seconds = float(file["run"].attrs["wall_seconds"])
+        yield Number(f"steps/{run.stem} · {check}", Kind.COUNT, float(steps), "", run.name)
+        yield Number(f"step/{run.stem} · {check}", Kind.TIME, seconds / max(steps, 1), "s", run.name)
+
+
+def _of_studies(folder: Path, check: str) -> Iterator[Number]:
+    for result in read_convergence(folder / STUDIES).results:
+        source = f"{STUDIES}/studies/{result.key}"
+        known = np.flatnonzero(np.isfinite(result.errors))
+        if len(known):
+            yield Number(f"error/{result.key}", Kind.ERROR, float(result.errors[known[-1]]), "", source)
+        if result.observed.local:
+            yield Number(f"order/{result.key}", Kind.ORDER, float(result.observed.local[-1]), "", source)

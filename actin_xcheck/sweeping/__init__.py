@@ -1,0 +1,1 @@
+"""Sweeps: thousands of runs of one scene over ranges, or of a list of scenes, on one machine or a cluster."""

@@ -1,0 +1,89 @@
+"""What the site takes from the code: tables, the command reference, and formulas as MathML.
+
+Formulas need neither scripts nor fonts, so that the built site is complete without a network.
+"""
+
+import html
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File
+
+from actin_xcheck.prediction.errata import ERRATA
+from actin_xcheck.registry import METHODS
+
+PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
+
+PROGRAM = "python -m actin_xcheck"
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the command reference, as Typer writes it, and a picture that lies elsewhere."""
+    command = [sys.executable, "-m", "typer", "actin_xcheck.cli", "utils", "docs", "--name", PROGRAM]
+    environment = os.environ | {"PYTHONUTF8": "1"}
+    done = subprocess.run(
+        [*command, "--title", "Commands"], capture_output=True, encoding="utf-8", env=environment, check=False
+    )
+    if done.returncode:
+        raise PluginError(f"no command reference: {done.stderr}")
+    files.append(File.generated(config, "commands.md", content=done.stdout))
+    files.append(File.generated(config, "example.png", abs_src_path=str(PICTURE)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Put tables where a page asks for them: <!-- table: NAME -->."""
+    return re.sub(r"<!-- table: (\w+) -->", lambda asked: _table(asked[1]), markdown)
+
+
+def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
+    """Turn the formulas that arithmatex has marked into MathML."""
+    marked = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+    return marked.sub(lambda found: _formula(found[2], found[1] == "div"), content)
+
+
+def _formula(latex: str, display: bool) -> str:
+    written = convert(html.unescape(latex).strip(), display="block" if display else "inline")
+    if "\\" in html.unescape(written):
+        raise PluginError(f"a formula with a command that is not known: {latex}")
+    return f"<p>{written}</p>" if display else written
+
+
+def _errata() -> str:
+    rows = ((str(one.number), one.where, one.printed, one.corrected, one.reason) for one in ERRATA)
+    return _rows(("no.", "where", "printed", "holds", "because"), rows)
+
+
+def _methods() -> str:
+    rows = (
+        (
+            f"`{one.name}`",
+            one.description,
+            f"{one.order_h:g}",
+            f"{one.order_dt:g}",
+            "by error" if one.adaptive else "equal",
+        )
+        for one in METHODS.values()
+    )
+    return _rows(("method", "what it is", "order in h", "in dt", "steps"), rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {"errata": _errata, "methods": _methods}
+
+
+def _table(name: str) -> str:
+    if name not in TABLES:
+        raise PluginError(f"{name} is not a table; valid: {', '.join(TABLES)}")
+    return TABLES[name]()
+
+
+def _rows(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)

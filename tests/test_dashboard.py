@@ -1,0 +1,331 @@
+"""The pages of the nights in a browser, from file://: keyboard and mouse, narrow and wide, light and dark."""
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from actin_xcheck.claims import Claim
+from actin_xcheck.errors import UserError
+from actin_xcheck.history.record import Kind, Night, Number, Series
+from actin_xcheck.nightly.carry_out import broken
+from actin_xcheck.nightly.keep import HISTORY, remember
+from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, NotRun, read_night
+from actin_xcheck.report import write_dashboard, write_night_page
+from actin_xcheck.report.sparkline import lights, sparkline
+from tests.lab import FEM, FV
+from tests.test_report import CHROMIUM, SCRIPT, Browser, Tags
+
+NIGHTS = 9
+CHECKS = (
+    "compare static-decay fem-p1-paper fv-coupled refine 3",
+    "converge fitted-ring in h",
+    "fault fv-leak",
+)
+
+
+def done(check: str, night: int, slope: float) -> Done:
+    """A check with a claim about conservation, one that fails in the last night, and one without a bound."""
+    file = f"checks/{check[:7]}/comparison.h5"
+    rough = 2.0 if night == NIGHTS - 1 and check == CHECKS[1] else 0.5
+    claims = (
+        Claim(
+            "static-decay", (FEM,), "total actin obeys the balance", 1e-15, 1e-12, "again", "/run/series/x"
+        ),
+        Claim(
+            f"scene{SCRIPT}",
+            (FEM, FV),
+            f"an order {SCRIPT}",
+            rough,
+            1.0,
+            "again & again",
+            "/studies/y",
+            "note",
+        ),
+        Claim(
+            "static-decay", (FV,), "fv agrees with fem at the end", 0.1, np.nan, "again", "/runs/z", SCRIPT
+        ),
+    )
+    numbers = (
+        Number(f"seconds/{check}", Kind.TIME, 1.0 + 0.01 * (night % 3), "s"),
+        Number(f"solves/{check}", Kind.COUNT, 100.0 if night < 5 else 150.0),
+        Number(f"order/{check}", Kind.ORDER, slope, "", file),
+    )
+    if night == NIGHTS - 1 and check == CHECKS[2]:
+        return broken(check, "broke down: ValueError: <b>no</b> mesh", 1.0)
+    return Done(check, claims, (file,) * 3, numbers, 1.0, "", (), "checks")
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nine nights, the last one red, work that grew in the sixth; and a night with a deliberate fault."""
+    folder = tmp_path_factory.mktemp("reports")
+    for night in range(NIGHTS + 1):
+        fault = "fem-leak" if night == NIGHTS else ""
+        name = f"2026-03-{night + 1:02d}"
+        (folder / name).mkdir()
+        commit = "a" * 40 if night < 5 else "b" * 40
+        begun = Begun(
+            name, f"{name}T02:00:00+00:00", {"commit": commit, "numpy": "2"}, "a machine", "nightly", 10.0,
+            fault, "", CHECKS, 0.03,
+        )  # fmt: skip
+        journal = Journal(folder / name / FILE_NAME)
+        journal.begin(begun)
+        for number, check in enumerate(CHECKS):
+            journal.keep(done(check, night, 2.0 + 1e-3 * np.sin(night)), 60.0 * (number + 1))
+        journal.close([NotRun(f"fault {SCRIPT}", "7.0 s expected, 1.0 s left")], 240.0)
+        if not fault:
+            remember(folder / HISTORY, read_night(folder / name))
+        write_night_page(folder / name)
+    write_dashboard(folder)
+    return folder
+
+
+@pytest.fixture
+def last(reports: Path) -> Path:
+    return reports / f"2026-03-{NIGHTS:02d}" / "index.html"
+
+
+def test_the_dashboard_says_how_it_stands_and_what_changed(reports: Path) -> None:
+    text = " ".join(Tags(reports / "index.html").text.split())
+    assert "3 of 5 claims hold in the last night, 2026-03-09" in text
+    assert "deliberate fault: fem-leak" in text
+    assert "100 -> 150 (+50 %)" in text
+    assert re.search(
+        r"2026-03-06 ?step, worse solves/compare .* ?\(\+50 %\)commit aaaaaaaaaaaa -> bbbbbbbbbbbb", text
+    )
+    page = (reports / "index.html").read_text()
+    assert "9 nights, red: 2026-03-09" in page
+    assert (
+        len(re.findall(r'<td class="line"><svg class="spark"', page)) == 6
+    )  # claims of the last night with a number
+    assert page.count('class="change"') == 2 + 2 + 1  # work grew; checks and a claim turned red
+
+
+def test_the_night_says_what_fails_and_what_was_not_run(last: Path, reports: Path) -> None:
+    text = " ".join(Tags(last).text.split())
+    assert "3 of 5 claims hold" in text
+    assert "1 more was not run." in text
+    assert "7.0 s expected, 1.0 s left" in text
+    assert "broke down: ValueError: <b>no</b> mesh" in text
+    faulty = " ".join(Tags(reports / "2026-03-10" / "index.html").text.split())
+    assert "A deliberate fault was on all night: fem-leak." in faulty
+    assert "/studies/y" in text
+    assert "again & again" in text
+
+
+def test_what_files_say_is_text_and_never_markup(reports: Path, last: Path) -> None:
+    for page in (reports / "index.html", last):
+        tags = Tags(page)
+        assert sum(tag == "script" for tag, _ in tags.tags) == 1
+        assert "b" not in {tag for tag, _ in tags.tags}
+        assert f"an order {SCRIPT}" in tags.text
+        ids = [attributes["id"] for _, attributes in tags.tags if "id" in attributes]
+        assert len(ids) == len(set(ids))
+        local = [link[1:] for link in tags.attributes("a", "href") if link and link.startswith("#")]
+        assert set(local) <= set(ids)
+
+
+def test_links_between_pages_lead_somewhere(reports: Path, last: Path) -> None:
+    for page in (reports / "index.html", last):
+        for link in Tags(page).attributes("a", "href"):
+            if (
+                link
+                and not link.startswith("#")
+                and "checks/" not in link
+                and not link.endswith(("json", "xml"))
+            ):
+                target, _, anchor = link.partition("#")
+                found = page.parent / target
+                assert found.is_file(), link
+                assert not anchor or f'id="{anchor}"' in found.read_text()
+
+
+def test_tables_have_heads_for_those_who_cannot_see_them(reports: Path, last: Path) -> None:
+    for page in (reports / "index.html", last):
+        tags = Tags(page)
+        assert all(tags.attributes("th", "scope"))
+        assert all(
+            attributes.get("aria-label")
+            for tag, attributes in tags.tags
+            if tag == "svg" and "role" in attributes
+        )
+
+
+def test_pages_are_light(reports: Path, last: Path) -> None:
+    assert last.stat().st_size < 200_000
+    assert (reports / "index.html").stat().st_size < 200_000
+
+
+def test_a_folder_without_nights_and_a_damaged_one(tmp_path: Path) -> None:
+    assert "No night is in the history" in write_dashboard(tmp_path).read_text()
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / FILE_NAME).write_text("nothing")
+    write_dashboard(tmp_path)
+    with pytest.raises(UserError, match="not a night"):
+        write_night_page(tmp_path / "broken")
+
+
+def series(values: list[float], kind: Kind = Kind.ERROR) -> Series:
+    nights = tuple(Night(f"n{i}", f"2026-01-{i + 1:02d}", "c", {}, "m") for i in range(len(values)))
+    return Series("key", kind, "", nights, np.array(values))
+
+
+def test_sparklines_say_and_draw_the_same() -> None:
+    drawn = sparkline(series([1.0, 10.0, np.nan, 100.0]), {"n3"})
+    assert "4 nights: 1 to 100, between 1 and 100; changed in n3" in drawn
+    lines = re.findall(r'points="([^"]*)"', drawn)
+    heights = [float(point.split(",")[1]) for line in lines for point in line.split()]
+    assert len(lines) == 2  # nothing is drawn where there is no number
+    assert heights == pytest.approx([19.0, 11.0, 3.0])  # a logarithm, upwards
+    assert len(set(re.findall(r",([\d.]+)", sparkline(series([1.0, 1.0 + 1e-9, 1.0]))))) == 1
+    assert "no number" in sparkline(series([np.nan]))
+    assert "1 night: 2 to 2" in sparkline(series([2.0]))
+
+
+def test_lights_are_told_apart_without_colours() -> None:
+    drawn = lights([("n0", "pass"), ("n1", "fail"), ("n<2", "none")])
+    heights = re.findall(r'class="(\w+)" x="\d+" y="\d+" width="5" height="(\d+)"', drawn)
+    assert dict(heights)["fail"] > dict(heights)["pass"]
+    assert "n&lt;2: not run" in drawn
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if CHROMIUM is None or os.name != "posix":
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+def press(browser: Browser, key: str, code: int, text: str = "") -> None:
+    for kind in ("keyDown", "keyUp"):
+        said = {"text": text} if text and kind == "keyDown" else {}
+        browser.ask("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **said)
+
+
+def click(browser: Browser, selector: str) -> None:
+    """With the mouse, in the middle of an element."""
+    found = f"document.querySelector({selector!r})"
+    browser.evaluate(f"{found}.scrollIntoView({{block: 'center'}})")
+    box = browser.evaluate(
+        f"(b => [b.x + b.width / 2, b.y + b.height / 2].join())({found}.getBoundingClientRect())"
+    )
+    x, y = map(float, box.split(","))
+    for kind in ("mousePressed", "mouseReleased"):
+        browser.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+
+SHOWN = "[...document.querySelectorAll('tr.claim')].filter(row => row.offsetParent).length"
+
+
+def test_claims_are_filtered_by_typing_and_choosing(browser: Browser, reports: Path, last: Path) -> None:
+    for page in (reports / "index.html", last):
+        assert browser.complaints(page) == []
+        assert browser.evaluate(SHOWN) == 7
+        click(browser, "input[name=text]")
+        for letter in "balance":
+            press(browser, letter, ord(letter.upper()), letter)
+        assert browser.evaluate(SHOWN) == 2
+        assert browser.evaluate("document.querySelector('output').textContent") == "2 of 7 shown"
+        browser.evaluate("document.querySelector('input[name=text]').select()")
+        press(browser, "Delete", 46)
+        assert browser.evaluate(SHOWN) == 7
+        browser.evaluate("document.querySelector('select').focus()")
+        press(browser, "ArrowDown", 40)
+        assert browser.evaluate("document.querySelector('select').value") == "fail"
+        assert browser.evaluate(SHOWN) == 2
+        heads = "[...document.querySelectorAll('tbody[data-check]')].filter(body => body.offsetParent).length"
+        assert browser.evaluate(heads) == 2
+
+
+def test_from_a_red_light_to_its_number_with_the_keyboard(
+    browser: Browser, reports: Path, last: Path
+) -> None:
+    browser.complaints(reports / "index.html")
+    press(browser, "Tab", 9)
+    assert browser.evaluate("document.activeElement.className") == "skip"
+    press(browser, "Enter", 13, "\r")
+    assert browser.evaluate("document.activeElement.id") == "main"
+    browser.complaints(last)
+    browser.evaluate("document.querySelector('.failing a').focus()")
+    press(browser, "Enter", 13, "\r")
+    browser.evaluate("new Promise(resolve => setTimeout(resolve, 100))")
+    opened = "document.querySelector(location.hash + ' details')"
+    assert browser.evaluate(f"{opened}.open")
+    text = browser.evaluate(f"{opened}.innerText")
+    assert "again & again" in text
+    assert "comparison.h5 /studies/y" in " ".join(text.split())
+    click(browser, "tr.claim[data-state=pass] summary")
+    assert browser.evaluate("document.querySelector('tr.claim[data-state=pass] details').open")
+
+
+def test_checks_are_sorted_by_a_click(browser: Browser, last: Path) -> None:
+    browser.complaints(last)
+    names = "[...document.querySelectorAll('#checks ~ div tbody tr, [aria-labelledby=checks] tbody tr')]"
+    order = f"{names}.map(row => row.cells[1].textContent).join('|')"
+    before = browser.evaluate(order)
+    click(browser, "[aria-labelledby=checks] th:nth-child(2) button")
+    assert browser.evaluate(order).split("|") == sorted(before.split("|"), reverse=True)
+    assert browser.evaluate("document.querySelector('[aria-sort]').getAttribute('aria-sort')") == "descending"
+    click(browser, "[aria-labelledby=checks] th:nth-child(2) button")
+    assert browser.evaluate(order).split("|") == sorted(before.split("|"))
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_pages_fit_their_window(browser: Browser, reports: Path, last: Path, width: int) -> None:
+    screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
+    browser.ask("Emulation.setDeviceMetricsOverride", **screen)
+    for page in (reports / "index.html", last):
+        browser.complaints(page)
+        browser.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+
+
+CONTRAST = """(() => {
+  const rgba = text => {
+    const n = text.match(/[\\d.]+/g).map(Number);
+    return [n[0], n[1], n[2], n[3] ?? 1];
+  };
+  const light = c => c.slice(0, 3).map(v => v / 255)
+    .map(v => v <= .03928 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0);
+  const paper = place => {
+    for (; place; place = place.parentElement) {
+      const c = rgba(getComputedStyle(place).backgroundColor);
+      if (c[3] > 0) return c;
+    }
+    return [255, 255, 255, 1];
+  };
+  let least = 99, where = "";
+  const texts = "p, a, td, th, summary, code, .badge, label, input, select, output, li, h1, h2";
+  for (const place of document.querySelectorAll(texts)) {
+    if (!place.offsetParent || !place.textContent.trim()) continue;
+    const a = light(rgba(getComputedStyle(place).color)), b = light(paper(place));
+    const ratio = (Math.max(a, b) + .05) / (Math.min(a, b) + .05);
+    if (ratio < least) { least = ratio; where = place.outerHTML.slice(0, 80); }
+  }
+  return least.toFixed(2) + " " + where;
+})()"""
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_all_text_can_be_read(browser: Browser, reports: Path, last: Path, theme: str) -> None:
+    browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+    for page in (reports / "index.html", last):
+        browser.complaints(page)
+        browser.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+        least = browser.evaluate(CONTRAST)
+        assert float(least.split()[0]) >= 4.5, least  # WCAG AA
+
+
+def test_print_leaves_out_what_cannot_be_used(browser: Browser, last: Path) -> None:
+    browser.complaints(last)
+    browser.ask("Emulation.setEmulatedMedia", media="print")
+    assert browser.evaluate("getComputedStyle(document.querySelector('form')).display") == "none"
+    assert browser.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
+    assert browser.evaluate(SHOWN) == 7
+    browser.ask("Emulation.setEmulatedMedia", media="")

@@ -1,0 +1,373 @@
+"""Sweeps: what a file asks for, that nothing is run twice, and that a lost process costs its own run only."""
+
+import json
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import actin_xcheck
+from actin_xcheck.answers import SweepAnswer
+from actin_xcheck.errors import UserError
+from actin_xcheck.executors import ATTEMPTS, Lost, executor
+from actin_xcheck.fidelity import Fidelity
+from actin_xcheck.scene import load_scene
+from actin_xcheck.sweeping.plan import points_of
+from actin_xcheck.sweeping.table import read_table
+from actin_xcheck.sweeping.task import LOG, Numerics, Task, finished, work
+from tests.ending import killed, raises
+from tests.test_cli import cli, one_line
+from tests.test_tools import command  # noqa: F401  a fixture
+
+SMALL = """
+scene = "static-decay"
+[over.parameters]
+d = { from = 1e-3, to = 1e-1, count = 3, scale = "log" }
+psi = [0.0, 10.0]
+"""
+NUMERICS = {"refine": 1, "dt": 0.25, "fidelity": "full"}
+OPTIONS = ("--method", "fem-p1-paper", "--refine", 1, "--dt", 0.25, "--fidelity", "full", "--quiet")
+
+
+def sweep_file(folder: Path, text: str) -> Path:
+    path = folder / "sweep.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def starts(folder: Path) -> Counter[str]:
+    """How often each run was begun."""
+    lines = (folder / LOG).read_text(encoding="utf-8").splitlines() if (folder / LOG).exists() else []
+    return Counter(line.split()[1] for line in lines)
+
+
+def test_ranges_are_combined_with_the_last_one_fastest(tmp_path: Path) -> None:
+    points = points_of(sweep_file(tmp_path, SMALL))
+    given = [(point.values["parameters.d"], point.values["parameters.psi"]) for point in points]
+    assert given == [(d, psi) for d in np.geomspace(1e-3, 1e-1, 3) for psi in (0.0, 10.0)]
+    scenes = [load_scene_text(point.text) for point in points]
+    assert [(scene.parameters.d, scene.parameters.psi) for scene in scenes] == given
+    base = load_scene("static-decay")
+    assert all(scene.output_times == base.output_times and scene.probes == base.probes for scene in scenes)
+
+
+def load_scene_text(text: str):
+    from actin_xcheck.scene import parse_scene
+
+    return parse_scene(text, "here")
+
+
+def test_ranges_side_by_side_and_lists_of_scenes(tmp_path: Path) -> None:
+    zipped = SMALL.replace("count = 3", "count = 2").replace("[over", 'combine = "zip"\n[over')
+    points = points_of(sweep_file(tmp_path, zipped))
+    assert [tuple(point.values.values()) for point in points] == [(1e-3, 0.0), (1e-1, 10.0)]
+    (tmp_path / "mine.toml").write_text(points[1].text, encoding="utf-8")
+    text = 'scenes = ["growing-disk", "mine.toml"]\n[over.model]\nrheology = ["viscous", "viscoelastic"]\n'
+    points = points_of(sweep_file(tmp_path, text))
+    assert [(point.scene, point.values["model.rheology"]) for point in points] == [
+        ("growing-disk", "viscous"), ("growing-disk", "viscoelastic"),
+        ("mine.toml", "viscous"), ("mine.toml", "viscoelastic"),
+    ]  # fmt: skip
+    alone = points_of(sweep_file(tmp_path, 'scenes = ["growing-disk"]'))
+    assert [point.text for point in alone] == [load_scene("growing-disk").text]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("scene = 3", ("scene = 3", "string")),
+        ("", ("scene", "scenes a list")),
+        ('scene = "static-decay"\nscenes = ["growing-disk"]', ("scene = 'static-decay'",)),
+        ('scene = "static-deca"', ("unknown scene", "static-deca'", "static-decay,")),
+        ('scenes = ["missing.toml"]', ("missing.toml", "cannot be read")),
+        ('scene = "static-decay"\nrange = 1', ("range", "unknown key", "combine")),
+        ('scene = "static-decay"\n[over]\npsi = 3', ("over.psi = 3", "from")),
+        ('scene = "static-decay"\n[over.parameters]\nd = []', ("over.parameters.d = []",)),
+        ('scene = "static-decay"\n[over]\nx = { from = 1, to = 2 }', ("over.x", "count is missing")),
+        ('scene = "static-decay"\n[over]\nx = { from = 1, to = 2, count = 1 }', ("over.x.count = 1", "2")),
+        ('scene = "static-decay"\n[over]\nx = { from = 1, to = 2, count = 2, step = 1 }', ("step", "scale")),
+        ('scene = "static-decay"\n[over]\nx = { from = -1.0, to = 2, count = 2, scale = "log" }', ("sign",)),
+        (SMALL.replace("[over", 'combine = "zip"\n[over'), ("parameters.d has 3", "parameters.psi has 2")),
+        (SMALL.replace("count = 3", "count = 100000"), ("200000 runs", "100000")),
+        (SMALL.replace("psi = [", "psy = ["), ("parameters.psy", "did you mean psi")),
+        (SMALL.replace("psi = [0.0", "psi = [-3.0"), ("parameters.d = 0.001, parameters.psi = -3.0:",)),
+        (SMALL + '[over.name]\nfirst = ["x"]', ("over.name.first", "no table")),
+        ("scene = \x00", ("not valid TOML",)),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_the_file_is_one_line_and_nothing_is_run(
+    text: str, parts: tuple[str, ...], tmp_path: Path
+) -> None:
+    path = sweep_file(tmp_path, text)
+    with pytest.raises(UserError) as mistake:
+        actin_xcheck.sweep(path, "fem-p1-paper", out=tmp_path / "out", jobs=1, **NUMERICS)
+    said = str(mistake.value)
+    assert "\n" not in said
+    for part in parts:
+        assert part in said
+    assert not starts(tmp_path / "out")
+
+
+def test_a_key_is_that_of_scene_method_numerics_and_code_alone(tmp_path: Path) -> None:
+    task = Task(
+        load_scene("static-decay").text, "here", Numerics("fem-p1-paper"), tmp_path, "some code", "sweep"
+    )
+    same = replace(task, origin="there", command="another", folder=tmp_path / "elsewhere")
+    others = [
+        replace(task, text=load_scene("growing-disk").text),
+        replace(task, code="other code"),
+        *(
+            replace(task, numerics=numerics)
+            for numerics in (
+                Numerics("fv-coupled"),
+                Numerics("fem-p1-paper", refine=4),
+                Numerics("fem-p1-paper", dt=0.1),
+                Numerics("fem-p1-paper", rtol=1e-3),
+                Numerics("fem-p1-paper", fidelity=Fidelity.FULL),
+            )
+        ),
+    ]
+    assert same.key == task.key
+    assert len({one.key for one in (task, *others)}) == 1 + len(others)
+    with pytest.raises(UserError, match="another version"):
+        work(task)
+
+
+def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -> None:  # noqa: F811
+    path, out = sweep_file(tmp_path, SMALL), tmp_path / "out"
+    done = command("sweep", path, *OPTIONS, "--jobs", 2, "--out", out, "--json")
+    assert done.returncode == 0, done.stderr
+    answer = SweepAnswer.model_validate_json(done.stdout)
+    assert (answer.runs, answer.made, answer.outcomes) == (6, 6, {"completed": 6})
+    table = read_table(out)
+    assert set(starts(out).values()) == {1}
+    assert set(starts(out)) == set(table["key"])
+
+    for row, file in enumerate(table["file"]):
+        run = actin_xcheck.load(out / file)
+        last = {name: values[-1] for name, values in run.series.items()}
+        for name in ("time", "area", "total_actin", "polarity", "a_max"):
+            assert table[name][row] == last[name]
+        assert [table[f"probe_a_{i}"][row] for i in range(5)] == last["probe_a"].tolist()
+        assert [table[f"probe_x_4_{axis}"][row] for axis in "xy"] == last["probe_x"][4].tolist()
+        assert load_scene_text(run.attributes["scene"]).parameters.psi == table["parameters.psi"][row]
+        assert (table["dt"][row], table["refine"][row], table["steps"][row]) == (0.25, 1, 2)
+    still, moving = table["parameters.psi"] == 0, table["parameters.psi"] == 10
+    assert np.ptp(table["area"][still]) == 0  # without contraction nothing moves, whatever diffuses
+    assert np.all(table["area"][moving] != table["area"][still])
+
+    csv = (out / "sweep.csv").read_text(encoding="utf-8").splitlines()
+    assert len(csv) == 7
+    assert csv[0].split(",") == list(table.columns)
+
+    again = actin_xcheck.sweep(path, "fem-p1-paper", out=out, jobs=1, **NUMERICS)
+    assert set(starts(out).values()) == {1}  # nothing was run
+    for name, values in table.columns.items():
+        assert np.array_equal(again[name], values, equal_nan=values.dtype.kind == "f"), name
+
+    with h5py.File(out / table["file"][2], "r+") as file:  # a damaged one alone is run again
+        del file["run/series/area"], file["run"].attrs["outcome"]
+    larger = sweep_file(tmp_path, SMALL.replace("psi = [0.0", "psi = [5.0, 0.0"))
+    more = actin_xcheck.sweep(larger, "fem-p1-paper", out=out, jobs=1, **NUMERICS)
+    assert starts(out).pop(table["key"][2]) == 2
+    assert Counter(starts(out).values()) == {1: 5 + 3, 2: 1}  # and what a larger sweep has on top
+    wrong = sweep_file(tmp_path, SMALL.replace("psi = [0.0", "psi = [-5.0, 0.0"))
+    with pytest.raises(UserError, match="should be greater"):
+        actin_xcheck.sweep(wrong, "fem-p1-paper", out=out, jobs=1, **NUMERICS)
+    assert len(read_table(out)) == 9  # a mistake changes nothing
+    kept = more["parameters.psi"] != 5
+    assert np.array_equal(more["total_actin"][kept], table["total_actin"])
+
+
+def test_runs_that_fail_are_rows_and_the_others_go_on(tmp_path: Path, command) -> None:  # noqa: F811
+    text = 'scene = "sec54-failure"\n[over]\nparameters.psi = [1.0, 1.04e5]\ntime = [{ end = 0.01 }]\n'
+    options = (
+        "--method",
+        "fem-p1-paper",
+        "--refine",
+        1,
+        "--dt",
+        0.001,
+        "--jobs",
+        1,
+        "--out",
+        "out",
+        "--quiet",
+    )
+    words = ("sweep", sweep_file(tmp_path, text), *options)
+    done = command(*words)
+    assert done.returncode == 1
+    assert "2 runs, 2 of them made now: 1 completed, 1 tangled" in done.stdout
+    table = read_table(tmp_path / "out")
+    assert table["outcome"].tolist() == ["completed", "tangled"]
+    assert "signed area" in table["message"][1]
+    assert table["time"][1] < table["time"][0] == 0.01
+    assert set(table["scene.time"]) == {'{"end": 0.01}'}
+    done = command(*words)
+    assert done.returncode == 1
+    assert "0 of them made now" in done.stdout  # a failure is an answer too
+
+
+def test_an_exception_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
+    """Growth is measured against an unperturbed run, step by step: not with steps chosen by their error."""
+    path = sweep_file(tmp_path, 'scene = "mode-1-cell"\n[over.initial]\na = ["1", "1 + 1e-4*x"]\n')
+    for times in 1, 2:
+        table = actin_xcheck.sweep(path, "fem-p1-imex2", out=tmp_path / "out", jobs=1, refine=1, rtol=1e-2)
+        assert table["outcome"].tolist() == ["completed", "error"]
+        assert "unperturbed" in table["message"][1]
+        assert np.isnan(table["area"][1])
+        assert [starts(tmp_path / "out")[key] for key in table["key"]] == [1, times]
+
+
+def test_options_are_checked(tmp_path: Path, command) -> None:  # noqa: F811
+    path = sweep_file(tmp_path, SMALL)
+    for arguments, parts in {
+        ("--jobs", 2, "--scheduler", "tcp://here:1"): ("--jobs", "--scheduler"),
+        ("--rtol", 1e-3): ("--rtol", "fem-p2-imex3"),
+        ("--method", "fem-p9"): ("fem-p9", "fv-coupled"),
+        ("--scheduler", "nonsense://here"): ("--scheduler", "nonsense"),
+    }.items():
+        one_line(command("sweep", path, "--out", "out", *OPTIONS, *arguments), *parts)
+    assert not starts(tmp_path / "out")
+
+
+def test_a_process_that_is_killed_costs_its_own_task_only(tmp_path: Path) -> None:
+    with executor(2) as processes:
+        results = dict(processes.results(killed, [(tmp_path, number) for number in range(6)]))
+    lost = results.pop(3)
+    assert isinstance(lost, Lost)
+    assert str(ATTEMPTS) in lost.message
+    assert results == {number: number**2 for number in (0, 1, 2, 4, 5)}
+    begun = Counter((tmp_path / "begun").read_text().split())
+    assert begun == {"0": 1, "1": 2, "2": 1, "3": ATTEMPTS, "4": 1, "5": 1}
+
+
+def test_what_a_task_raises_is_raised_here(tmp_path: Path) -> None:
+    with executor(1) as processes, pytest.raises(ValueError, match="task 0"):
+        list(processes.results(raises, [0, 1]))
+
+
+@pytest.mark.slow
+def test_the_processes_of_a_killed_sweep_end_with_it(tmp_path: Path) -> None:
+    path = sweep_file(tmp_path, SMALL.replace("count = 3", "count = 100"))
+    words = [
+        sys.executable,
+        "-m",
+        "actin_xcheck",
+        "sweep",
+        path,
+        *map(str, OPTIONS),
+        "--jobs",
+        "2",
+        "--out",
+        "out",
+    ]
+    sweep = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    wait_until(lambda: len(starts(tmp_path / "out")) > 3, 120)
+    pids = {int(line.split()[3]) for line in (tmp_path / "out" / LOG).read_text().splitlines()}
+    sweep.kill()
+    sweep.wait()
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), 30)
+
+
+def wait_until(condition, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+
+
+@contextmanager
+def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """A scheduler and workers, in processes of their own: nothing starts a lost one again."""
+    address = folder / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+    here = ["--scheduler-file", str(address), "--no-dashboard"]
+    processes = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *here], **quiet)]
+    try:
+        wait_until(address.exists, 60)
+        alone = ["--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
+        processes += [subprocess.Popen([*dask, "worker", *here, *alone], **quiet) for _ in range(workers)]
+        from distributed import Client
+
+        found = json.loads(address.read_text())["address"]
+        if workers:
+            with Client(found, set_as_default=False) as client:
+                client.wait_for_workers(workers, timeout=60)
+        yield found, processes
+    finally:
+        for process in reversed(processes):
+            process.kill()
+            process.wait()
+
+
+MANY = """
+scene = "static-decay"
+[over.parameters]
+psi = { from = 0.0, to = 5.0, count = 20 }
+d = { from = 1e-3, to = 1e-1, count = 25, scale = "log" }
+"""
+
+
+@pytest.mark.slow
+def test_a_sweep_on_a_cluster_loses_a_worker_and_nothing_else(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    path, out = sweep_file(tmp_path, MANY), tmp_path / "out"
+    with cluster(tmp_path, 2) as (address, (_, *workers)):
+        words = [sys.executable, "-m", "actin_xcheck", "sweep", path, *map(str, OPTIONS)]
+        sweep = subprocess.Popen([*words, "--scheduler", address, "--out", "out", "--json"], cwd=tmp_path,
+                                 stdout=subprocess.PIPE, text=True)  # fmt: skip
+        wait_until(lambda: len(starts(out)) >= 100, 240)
+        workers[0].kill()  # SIGKILL, in the middle of what it does
+        said, _ = sweep.communicate(timeout=600)
+    assert sweep.returncode == 0
+    answer = SweepAnswer.model_validate_json(said)
+    assert (answer.runs, answer.made, answer.outcomes) == (500, 500, {"completed": 500})
+    table, begun = read_table(out), starts(out)
+    assert len(set(table["key"])) == len(begun) == 500
+    assert all(finished(out / file) for file in table["file"])
+    twice = [key for key, times in begun.items() if times > 1]
+    assert len(twice) <= 1  # what the lost worker was at
+    assert all(begun[key] == 2 for key in twice)
+    lines = [line.split() for line in (out / LOG).read_text(encoding="utf-8").splitlines()]
+    lost, left = (str(worker.pid) for worker in workers)
+    assert {line[3] for line in lines} == {lost, left}
+    for key in twice:
+        assert [line[3] for line in lines if line[1] == key] == [lost, left]
+
+    done = cli("sweep", path, *OPTIONS, "--scheduler", address, "--out", "out", cwd=tmp_path)
+    assert "0 of them made now" in done.stdout  # it asks nobody: the cluster is gone
+    assert starts(out) == begun
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_workers_and_one_that_goes_are_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    path = sweep_file(tmp_path, SMALL.replace("count = 3", "count = 50"))
+    with cluster(tmp_path, 0) as (address, _):
+        done = cli("sweep", path, *OPTIONS, "--scheduler", address, "--out", "out", cwd=tmp_path)
+        one_line(done, "--scheduler", address, "has no workers")
+    done = cli("sweep", path, *OPTIONS, "--scheduler", address, "--out", "out", cwd=tmp_path)
+    one_line(done, "--scheduler", address, "no scheduler answers")
+    (tmp_path / "again").mkdir()
+    with cluster(tmp_path / "again", 1) as (address, (scheduler, _)):
+        words = [sys.executable, "-m", "actin_xcheck", "sweep", path, *map(str, OPTIONS)]
+        sweep = subprocess.Popen([*words, "--scheduler", address, "--out", "out"], cwd=tmp_path,
+                                 stderr=subprocess.PIPE, text=True)  # fmt: skip
+        wait_until(lambda: len(starts(tmp_path / "out")) >= 5, 120)
+        scheduler.kill()
+        _, said = sweep.communicate(timeout=120)
+    assert sweep.returncode == 2
+    assert said == "actin_xcheck: --scheduler: it is gone; what was finished is kept\n"
+    kept = read_table(tmp_path / "out")
+    assert len(kept) >= 3
+    assert set(kept["outcome"]) == {"completed"}
