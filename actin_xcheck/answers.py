@@ -37,6 +37,44 @@ class FilesAnswer(Answer):
     """The output times that were drawn or written."""
 
 
+class RunAnswer(Answer):
+    """`run`."""
+
+    command: Literal["run"] = "run"
+    file: str
+    outcome: str
+    message: str
+    fidelity: str
+    left_out: tuple[str, ...]
+    """What was not solved, and why."""
+    estimated_error: float | None = None
+    """With --accuracy, the error that was reached."""
+
+
+class ReportAnswer(Answer):
+    """Commands that write a report."""
+
+    command: Literal[
+        "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
+        "predict report", "report",
+    ]  # fmt: skip
+    page: str
+    verdicts: dict[str, int] = {}
+    """How many of what was judged came out how; empty where nothing is judged."""
+    findings: tuple[str, ...] = ()
+    """What is said of single ones: those that fail first of all."""
+
+
+def conclude(answer: ReportAnswer, found: str, as_json: bool) -> None:
+    """Say what a report found: one object, or its findings line by line, `found` and its page."""
+    if as_json:
+        say(answer)
+        return
+    for finding in answer.findings:
+        print(finding)
+    print(f"{found}; report: {answer.page}" if found else f"report: {answer.page}")
+
+
 def say(answer: Answer) -> None:
     """Print an answer."""
     print(answer.model_dump_json())

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.charting.advice import in_words
 from actin_xcheck.charting.examine import default_methods, examine
 from actin_xcheck.command_line import command, make_folder, report_folder
@@ -20,6 +21,7 @@ def chart_command(
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer points, in about a minute.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Chart error against time, counted work and memory, and say which method to use for which error.
 
@@ -34,5 +36,5 @@ def chart_command(
     make_folder(folder)
     with Progress(quiet) as progress:
         chart = examine(loaded, methods, folder, command(), quick, progress.report)
-    print(in_words(chart))
-    print(f"report: {write_chart_page(folder)}")
+    findings = tuple(in_words(chart).splitlines())
+    conclude(ReportAnswer(command="chart", page=str(write_chart_page(folder)), findings=findings), "", json)

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from actin_xcheck import predict
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
 from actin_xcheck.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.chart import chart_command
@@ -99,7 +100,7 @@ def scenes_show(name: str) -> None:
 
 
 @app.command("report")
-def report_command(folder: Path) -> None:
+def report_command(folder: Path, json: Json = False) -> None:
     """Write the HTML report of a comparison, an audit, a study or predictions again, from its files alone."""
     pages = {
         AUDIT_FILE: write_audit_page,
@@ -121,7 +122,7 @@ def report_command(folder: Path) -> None:
         raise
     except Exception as error:  # its files may hold anything
         raise UserError(f"{folder}: cannot be drawn ({type(error).__name__}: {error})") from error
-    print(f"report: {page}")
+    conclude(ReportAnswer(command="report", page=str(page)), "", json)
 
 
 def main() -> None:

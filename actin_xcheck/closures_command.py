@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.closures.examine import METHODS, examine, plan
 from actin_xcheck.closures.findings import reason
 from actin_xcheck.command_line import command, make_folder, report_folder
@@ -18,6 +19,7 @@ def closures_command(
     method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Show what current-normal and reference-normal do to ripples of the rim, and to mesh refinement.
 
@@ -35,5 +37,5 @@ def closures_command(
     make_folder(folder)
     with Progress(quiet) as progress:
         found = examine(plan(methods), folder, command(), progress.report)
-    print(reason(found))
-    print(f"report: {write_closures_page(folder)}")
+    page = write_closures_page(folder)
+    conclude(ReportAnswer(command="closures", page=str(page), findings=(reason(found),)), "", json)

@@ -1,11 +1,13 @@
 """`compare`: scenes by both codes, judged."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from actin_xcheck import compare as comparison
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import (
     Dt,
     Force,
@@ -35,6 +37,7 @@ def compare_command(
     rtol: Rtol = None,
     force: Force = False,
     quiet: Quiet = False,
+    json: Json = False,
 ) -> None:
     """Run scenes with FEM and FV, judge them against theory, exact solutions and each other, write a report.
 
@@ -61,8 +64,12 @@ def compare_command(
         page = write_report(folder)
     judged = [claim for claim in claims if claim.judged]
     failed = [claim for claim in judged if not claim.holds]
-    for claim in failed:
-        print(f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: ", end="")
-        print(f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})")
-    print(f"{len(judged) - len(failed)} of {len(judged)} claims hold; report: {page}")
+    said = tuple(
+        f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: "
+        f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})"
+        for claim in failed
+    )
+    verdicts = dict(Counter(claim.verdict for claim in claims))
+    answer = ReportAnswer(command="compare", page=str(page), verdicts=verdicts, findings=said)
+    conclude(answer, f"{len(judged) - len(failed)} of {len(judged)} claims hold", json)
     raise typer.Exit(1 if failed else 0)

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.convergence.examine import examine
 from actin_xcheck.convergence.orders import Verdict
@@ -41,6 +42,7 @@ def converge_command(
     method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Refine h and dt, read the observed orders off and hold them against those the methods declare.
 
@@ -66,12 +68,15 @@ def converge_command(
         results = examine(studies, folder, command(), progress.report)
     page = write_convergence_page(folder)
     failed = [result for result in results if result.observed.verdict is Verdict.FAIL]
-    for result in failed:
-        print(f"FAIL {result.scene} [{result.method}]: {result.quantity} in {result.refined}: ", end="")
-        print(result.observed.reason)
+    said = tuple(
+        f"FAIL {one.scene} [{one.method}]: {one.quantity} in {one.refined}: {one.observed.reason}"
+        for one in failed
+    )
     counts = Counter(result.observed.verdict for result in results)
     found = ", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict])
-    print(f"{found}; report: {page}")
+    verdicts = {str(verdict): counts[verdict] for verdict in Verdict if counts[verdict]}
+    answer = ReportAnswer(command="converge", page=str(page), verdicts=verdicts, findings=said)
+    conclude(answer, found, json)
     raise typer.Exit(1 if failed else 0)
 
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.distorting.cases import FAMILIES, check, families_of
 from actin_xcheck.distorting.examine import examine
@@ -28,6 +29,7 @@ def distort_command(
     method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Chart each method's error on the disk's mesh perturbed, stretched, flattened and off the ring.
 
@@ -51,6 +53,5 @@ def distort_command(
     make_folder(folder)
     with Progress(quiet) as progress:
         sentences = examine(studies, methods, folder, command(), progress.report)
-    for sentence in sentences:
-        print(sentence)
-    print(f"report: {write_distortion_page(folder)}")
+    page = write_distortion_page(folder)
+    conclude(ReportAnswer(command="distort", page=str(page), findings=tuple(sentences)), "", json)

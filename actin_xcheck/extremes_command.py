@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.errors import UserError
 from actin_xcheck.extremes.breakdown import agreement
@@ -20,6 +21,7 @@ def extremes_command(
     ] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Run the article's strongest contractions and Section 6 in both rheologies, and say how they end.
 
@@ -37,8 +39,13 @@ def extremes_command(
     folder = make_folder(report_folder(out_dir, "extremes"))
     with Progress(quiet) as progress:
         _, found = examine(chosen, folder, command(), progress.report)
-    for one in found:
-        print(f"{one.scene}, {one.method}: 1 + div u = 0 at t = {one.value:.6g} +- {one.uncertainty:.1g}")
-    for scene, (apart, allowed) in agreement(found).items():
-        print(f"{scene}: methods differ by {apart:.1e}, their uncertainties allow {allowed:.1e}")
-    print(f"report: {write_extremes_page(folder)}")
+    findings = [
+        f"{one.scene}, {one.method}: 1 + div u = 0 at t = {one.value:.6g} +- {one.uncertainty:.1g}"
+        for one in found
+    ]
+    findings += [
+        f"{scene}: methods differ by {apart:.1e}, their uncertainties allow {allowed:.1e}"
+        for scene, (apart, allowed) in agreement(found).items()
+    ]
+    page = write_extremes_page(folder)
+    conclude(ReportAnswer(command="extremes", page=str(page), findings=tuple(findings)), "", json)

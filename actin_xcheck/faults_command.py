@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.faults.catalogue import find_faults
 from actin_xcheck.faults.hunt import hunt
@@ -19,6 +20,7 @@ def faults_command(
     ] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Switch deliberate faults on one by one and see that the harness turns red for each.
 
@@ -32,13 +34,17 @@ def faults_command(
         found = hunt(faults, progress.report)
     write_hunt(folder / FILE_NAME, found, command())
     page = write_faults_page(folder)
-    for clean in found.clean:
-        for claim in clean.red:
-            print(f"FAIL without a fault: {clean.check.name}: {claim.statement}: ", end="")
-            print(f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})")
+    said = [
+        f"FAIL without a fault: {clean.check.name}: {claim.statement}: "
+        f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})"
+        for clean in found.clean
+        for claim in clean.red
+    ]
     for missed in (one for one in found.found if not one.caught):
         why = missed.trouble or f"{len(missed.passed)} checks stayed green"
-        print(f"NOT CAUGHT {missed.fault.name}: {missed.fault.sentence} ({why})")
+        said.append(f"NOT CAUGHT {missed.fault.name}: {missed.fault.sentence} ({why})")
     caught = sum(one.caught for one in found.found)
-    print(f"{caught} of {len(found.found)} faults caught; report: {page}")
+    verdicts = {"caught": caught, "not caught": len(found.found) - caught}
+    answer = ReportAnswer(command="faults", page=str(page), verdicts=verdicts, findings=tuple(said))
+    conclude(answer, f"{caught} of {len(found.found)} faults caught", json)
     raise typer.Exit(0 if found.holds else 1)

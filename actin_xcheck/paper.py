@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.audit.examine import examine
 from actin_xcheck.audit.record import FILE_NAME
 from actin_xcheck.audit.row import Judgement
@@ -24,6 +25,7 @@ def paper_command(
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing audit.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Hold every equation, table, figure and number of the article against what is computed here.
 
@@ -48,9 +50,12 @@ def paper_command(
         entries = examine(keys, folder, command(), progress.report)
     page = write_audit_page(folder)
     counts = Counter(entry.finding.judgement for entry in entries)
-    if only:
-        for entry in entries:
-            print(f"{entry.key} ({entry.place}): {entry.finding.judgement}")
-            print(f"  {entry.finding.computed}\n  {entry.finding.reason}")
+    said = tuple(
+        f"{entry.key} ({entry.place}): {entry.finding.judgement}\n"
+        f"  {entry.finding.computed}\n  {entry.finding.reason}"
+        for entry in entries
+        if only
+    )
     found = ", ".join(f"{counts[judgement]} {judgement}" for judgement in Judgement if counts[judgement])
-    print(f"{found}; report: {page}")
+    verdicts = {str(judgement): counts[judgement] for judgement in Judgement if counts[judgement]}
+    conclude(ReportAnswer(command="paper", page=str(page), verdicts=verdicts, findings=said), found, json)

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from actin_xcheck.answers import ReportAnswer, conclude
 from actin_xcheck.atlas.predictions import FILE_NAME, compute, write_predictions
 from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.errors import UserError
@@ -113,6 +114,7 @@ def report_command(
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Curves, modes, maps, thresholds and errata, as predictions.h5 and a page; takes a few minutes."""
     folder = report_folder(out_dir, "predict")
@@ -124,7 +126,8 @@ def report_command(
     with Progress(quiet) as progress:
         chapters = compute(progress.report)
     write_predictions(folder / FILE_NAME, chapters, command())
-    print(f"report: {write_theory_page(folder)}")
+    page = write_theory_page(folder)
+    conclude(ReportAnswer(command="predict report", page=str(page)), "", as_json)
 
 
 def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from actin_xcheck.accuracy import deliver
+from actin_xcheck.answers import Json, RunAnswer, say
 from actin_xcheck.command_line import (
     Dt,
     Force,
@@ -27,7 +28,7 @@ from actin_xcheck.geometry import Mesh
 from actin_xcheck.outline import caveats, read_mesh
 from actin_xcheck.progress import Progress
 from actin_xcheck.registry import METHODS, find_method
-from actin_xcheck.result import Ending
+from actin_xcheck.result import Ending, Outcome
 from actin_xcheck.runs import numerics, remeshes, run
 from actin_xcheck.scene import Scene, load_scene
 
@@ -62,6 +63,7 @@ def run_command(
     ] = False,
     force: Force = False,
     quiet: Quiet = False,
+    json: Json = False,
 ) -> None:
     """Run one scene with one method; exit code 1 (and a file that says why) where the run fails.
 
@@ -87,20 +89,21 @@ def run_command(
         raise UserError(
             f"--out: {unfinished(out_file)} is an interrupted run; valid: --resume, or --force to begin again"
         )
-    mesh = None if mesh_file is None else _outline(mesh_file, loaded, accuracy, fidelity)
+    mesh = None if mesh_file is None else _outline(mesh_file, loaded, accuracy, fidelity, json)
     if remesh:
         _check_remesh(loaded, method, fidelity, mesh_file)
     make_folder(out_file.parent)
     warn_of(loaded)
     if accuracy is not None:
-        _deliver(loaded, accuracy, out_file, quiet, fidelity)
+        _deliver(loaded, accuracy, out_file, quiet, fidelity, json)
     chosen = find_method(method)
     divided = refine or 0
     refine, dt = numerics(loaded, refine, dt)
     refine = refine if mesh is None else divided
     job = Job(loaded, chosen, refine, dt, out_file, rtol)
     reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
-    _say(reduction)
+    if not json:
+        _say(reduction)
     with Progress(quiet) as progress:
         outcome = run(
             loaded,
@@ -121,11 +124,25 @@ def run_command(
         place = outcome.message.split(";")[0]
         print(f"actin_xcheck: interrupted {place}; to go on: {resuming_command()}", file=sys.stderr)
         raise typer.Exit(130)
-    print(f"{outcome.ending}: {outcome.message or out_file}")
+    if json:
+        say(_answer(out_file, outcome, reduction))
+    else:
+        print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
 
 
-def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelity) -> Mesh:
+def _answer(file: Path, outcome: Outcome, reduction: Reduction, error: float | None = None) -> RunAnswer:
+    return RunAnswer(
+        file=str(file),
+        outcome=outcome.ending,
+        message=outcome.message,
+        fidelity=reduction.fidelity,
+        left_out=reduction.left_out,
+        estimated_error=error,
+    )
+
+
+def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelity, json: bool) -> Mesh:
     """The user's mesh, with what must be known of it on standard error."""
     if accuracy is not None:
         raise UserError(
@@ -136,7 +153,8 @@ def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelit
     mesh = read_mesh(path)
     for sentence in caveats(scene, mesh):
         print(f"warning: {sentence}", file=sys.stderr)
-    print(f"{Fidelity.FULL}: nothing is left out, for what is cut down elsewhere is the disk")
+    if not json:
+        print(f"{Fidelity.FULL}: nothing is left out, for what is cut down elsewhere is the disk")
     return mesh
 
 
@@ -173,7 +191,9 @@ def _say(reduction: Reduction) -> None:
         print(f"{reduction.fidelity}: left out {sentence}")
 
 
-def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity) -> None:
+def _deliver(
+    scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
+) -> None:
     """Run to an accuracy, say what was reached and leave with the exit code."""
     with Progress(quiet) as progress:
         reached = deliver(
@@ -184,6 +204,10 @@ def _deliver(scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelit
             lambda done, total: progress.report(scene.name, done, total),
             fidelity,
         )
+    if json:
+        error = reached.estimate if reached.outcome.ok else None
+        say(_answer(out_file, reached.outcome, reached.reduction, error))
+        raise typer.Exit(0 if reached.outcome.ok else 1)
     _say(reached.reduction)
     if not reached.outcome.ok:
         print(f"{reached.outcome.ending}: {reached.outcome.message}")

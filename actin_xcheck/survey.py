@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import command, make_folder, report_folder
 from actin_xcheck.frontier.examine import examine
 from actin_xcheck.frontier.planes import PLANES, check, plane_of
@@ -25,6 +26,7 @@ def frontier_command(
     method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    json: Json = False,
 ) -> None:
     """Find, per method, the borders between runs that are accurate, silently wrong, and failing.
 
@@ -42,6 +44,6 @@ def frontier_command(
     make_folder(folder)
     with Progress(quiet) as progress:
         maps = examine(loaded, methods, planes, folder, command(), progress.report)
-    for one in maps:
-        print(f"{one.method} over ({one.plane.name}): {one.words}")
-    print(f"report: {write_frontier_page(folder)}")
+    findings = tuple(f"{one.method} over ({one.plane.name}): {one.words}" for one in maps)
+    page = write_frontier_page(folder)
+    conclude(ReportAnswer(command="frontier", page=str(page), findings=findings), "", json)
