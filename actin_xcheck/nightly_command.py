@@ -168,7 +168,7 @@ def nightly_command(
 def _begin(folder: Path, plan: Plan, budget: float | None, fault: str, baseline: str) -> Begun:
     return Begun(
         folder.name,
-        f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}+00:00",
+        datetime.now(UTC).isoformat(timespec="microseconds"),  # by which it is told from others of the day
         provenance(),
         machine(),
         command(),

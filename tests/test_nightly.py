@@ -207,7 +207,7 @@ def test_a_process_that_dies_is_red_and_the_night_goes_on(monkeypatch, tmp_path)
     )
     assert [one.trouble for one in over] == ["broke down: a run's process ended with exit code 7", ""]
     assert left_out == []
-    assert read_night(tmp_path).done == tuple(over)
+    assert repr(read_night(tmp_path).done) == repr(tuple(over))  # nan is not nan
 
 
 # what is kept
@@ -254,6 +254,7 @@ def start(out: Path, log: Path, *options: str) -> subprocess.Popen:
     )
 
 
+@pytest.mark.slow
 def test_a_killed_night_is_gone_on_with(tmp_path):
     log = tmp_path / "log"
     process = start(tmp_path, log)

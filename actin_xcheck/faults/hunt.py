@@ -105,7 +105,7 @@ def hunt(
         (one for one in clean if not one.red), key=lambda one: (not one.check.bounded, one.seconds)
     )
     held = [(fault, [one.check for one in order if fault.target in one.reached]) for fault in faults]
-    found = work_off(_with, held, _counted(report, "with a fault", len(held)))
+    found = work_off(held_against, held, _counted(report, "with a fault", len(held)))
     return Hunt(tuple(clean), tuple(found))
 
 
@@ -133,7 +133,7 @@ def _without(task: tuple[Check, tuple[str, ...]], report: Report) -> Clean:
     return Clean(check, red, len(judged), reached, time.perf_counter() - began)
 
 
-def _with(task: tuple[Fault, list[Check]], report: Report) -> Caught:
+def held_against(task: tuple[Fault, list[Check]], report: Report) -> Caught:
     fault, checks = task
     began = time.perf_counter()
     trouble = "" if checks else f"no green check calls {fault.target}"

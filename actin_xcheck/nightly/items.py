@@ -17,8 +17,7 @@ from actin_xcheck.errors import UserError
 from actin_xcheck.faults.catalogue import FAULTS
 from actin_xcheck.faults.checks import QUIET, Check, Compared
 from actin_xcheck.faults.fault import Calls, ControlError, replaced, watched
-from actin_xcheck.faults.hunt import Caught
-from actin_xcheck.faults.hunt import _with as held_against
+from actin_xcheck.faults.hunt import Caught, held_against
 from actin_xcheck.history.record import Kind, Number
 from actin_xcheck.nightly import groups
 from actin_xcheck.nightly.files import located, numbers_in

@@ -92,6 +92,6 @@ def remember(history: Path, kept: Kept) -> Night:
     night = night_of(kept)
     if history.exists():
         for one in read_nights(history):
-            if one.night.date == night.date and one.night.name.startswith(night.name):
+            if one.night.date == night.date and one.night.machine == night.machine:
                 return one.night
     return append(history, night, numbers_of(kept), judged_in(kept.done))

@@ -29,7 +29,7 @@ class Begun:
     Attributes
     ----------
     name : of the night and of its folder.
-    date : ISO 8601, UTC.
+    date : ISO 8601, UTC, to the microsecond: no other night begins then.
     versions : of the code and its libraries, see `store.provenance`.
     machine : what tells it from others.
     command : what makes it again.
