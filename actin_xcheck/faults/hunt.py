@@ -134,6 +134,7 @@ def _without(task: tuple[Check, tuple[str, ...]], report: Report) -> Clean:
 
 
 def held_against(task: tuple[Fault, list[Check]], report: Report) -> Caught:
+    """Return what the first of the checks that turns red with the fault says; ControlError as `injected`."""
     fault, checks = task
     began = time.perf_counter()
     trouble = "" if checks else f"no green check calls {fault.target}"
