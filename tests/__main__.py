@@ -1,4 +1,7 @@
-"""`python -m tests`: everything that must be green before code lands, one after the other."""
+"""`python -m tests`: everything that must be green before code lands, one after the other.
+
+What takes many minutes is run every night: `pytest -m nightly`.
+"""
 
 import subprocess
 import sys
@@ -8,7 +11,7 @@ CHECKS = (
     ("ruff", "format", "--check", "."),
     ("mypy",),
     ("importlinter",),
-    ("pytest", "-q", "-n", "auto", "--dist", "worksteal"),
+    ("pytest", "-q", "-n", "auto", "--dist", "worksteal", "-m", "not nightly"),
 )
 
 for module, *arguments in CHECKS:

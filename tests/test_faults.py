@@ -228,6 +228,7 @@ def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_every_fault_is_caught():
     """About five minutes on two cores."""
     found = hunt(list(CATALOGUE.values()))

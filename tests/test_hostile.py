@@ -47,6 +47,7 @@ def test_a_campaign_of_hostile_inputs_finds_nothing():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_ten_thousand_hostile_inputs_find_nothing():
     answers, grown = campaign(10_000, seed=1)
     assert not [answer for answer in answers if answer.problem], summary(answers, grown)

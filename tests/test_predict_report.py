@@ -255,6 +255,7 @@ def test_a_browser_shows_the_page_without_a_complaint_and_within_its_window(brow
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_whole_report(tmp_path):
     command = [sys.executable, "-W", "error", "-m", "actin_xcheck", "predict", "report", "--out", "r"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=1200, check=False)

@@ -319,6 +319,7 @@ d = { from = 1e-3, to = 1e-1, count = 25, scale = "log" }
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_sweep_on_a_cluster_loses_a_worker_and_nothing_else(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     path, out = sweep_file(tmp_path, MANY), tmp_path / "out"
