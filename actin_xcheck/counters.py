@@ -8,5 +8,8 @@ FACTORISATIONS = "factorisations"
 SOLVES = "solves"
 """Linear systems solved, by whatever means, a right-hand side each."""
 
+ITERATIONS = "iterations"
+"""Of conjugate gradients."""
+
 WORK: Counter[str] = Counter()
 """One number by name; whoever measures a run clears it before and reads it after."""

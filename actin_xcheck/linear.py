@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dpotri
 
-from actin_xcheck.counters import FACTORISATIONS, SOLVES, WORK
+from actin_xcheck.counters import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.model import Array
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 
@@ -221,6 +221,7 @@ def _conjugate_gradients(
     first = before = 1.0
     for count in range(PATIENCE):
         correction = near(residual)
+        WORK[ITERATIONS] += 1
         product = float(residual @ correction)
         direction = correction + product / before * direction
         image = matrix @ direction

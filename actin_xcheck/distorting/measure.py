@@ -1,17 +1,14 @@
 """One run on one mesh, measured: what it says at the end, and what its linear solvers did for it."""
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from actin_xcheck.accuracy import LEVELS
-from actin_xcheck.counters import FACTORISATIONS, SOLVES, WORK
+from actin_xcheck.counters import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.distorting.cases import Case
 from actin_xcheck.distortion import aspects, largest_angle
-from actin_xcheck.linear import Preconditioner
 from actin_xcheck.model import Array
 from actin_xcheck.registry import METHODS
 from actin_xcheck.resolve import mesh_of, resolve
@@ -19,8 +16,6 @@ from actin_xcheck.runs import solver_for
 from actin_xcheck.scene import Scene, parse_scene
 from actin_xcheck.solver import Solver, State
 from actin_xcheck.stepping import Tolerance, integrate
-
-ITERATIONS = "iterations"
 
 TRUTH_LEVELS = LEVELS[3:5]
 """Levels of the converged runs, on the disk's own mesh; the second is believed, their change says how far."""
@@ -114,7 +109,7 @@ def cloud(l0: float) -> Array:
 def _answer(scene: Scene, solver: Solver, dt: float, tolerance: Tolerance | None) -> Answer:
     began, watch = time.perf_counter(), _Watch()
     WORK.clear()
-    with np.errstate(all="ignore"), _iterations_counted():  # what is not finite ends a run as a value
+    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
         outcome = integrate(solver, dt, scene.output_times, watch, tolerance)
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
         a, _ = solver.probes(np.hstack([points, cloud(scene.parameters.l0)]))(watch.state)
@@ -135,19 +130,3 @@ def _answer(scene: Scene, solver: Solver, dt: float, tolerance: Tolerance | None
         watch.steps,
         time.perf_counter() - began,
     )
-
-
-@contextmanager
-def _iterations_counted() -> Iterator[None]:
-    """Count how often a preconditioner is applied: once in every iteration of conjugate gradients."""
-    plain = Preconditioner.__call__
-
-    def counted(self: Preconditioner, vector: Array) -> Array:
-        WORK[ITERATIONS] += 1
-        return plain(self, vector)
-
-    Preconditioner.__call__ = counted  # type: ignore[method-assign]
-    try:
-        yield
-    finally:
-        Preconditioner.__call__ = plain  # type: ignore[method-assign]

@@ -9,7 +9,7 @@ import numpy as np
 
 from actin_xcheck.accuracy import LEVELS, estimated
 from actin_xcheck.frontier.planes import Point
-from actin_xcheck.registry import METHODS
+from actin_xcheck.registry import find_method
 from actin_xcheck.resolve import turn_matrix
 from actin_xcheck.result import Ending, Outcome
 from actin_xcheck.runs import bind
@@ -156,7 +156,7 @@ class _Last:
 def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | None) -> Answer:
     """Run a scene with equal steps of dt, or with steps chosen by their error."""
     began = time.perf_counter()
-    scene, chosen, last = parse_scene(text, "a point of the plane"), METHODS[method], _Last()
+    scene, chosen, last = parse_scene(text, "a point of the plane"), find_method(method), _Last()
     step = dt or scene.time.end
     solver = bind(scene, chosen, refine, step)
     tolerance = None if rtol is None else Tolerance(rtol, chosen.order_dt)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from actin_xcheck.frontier.answers import Answer, Truth, answer_of, truth_of
 from actin_xcheck.frontier.journal import Journal
 from actin_xcheck.frontier.planes import REFINE, Point
-from actin_xcheck.registry import METHODS
+from actin_xcheck.registry import find_method
 from actin_xcheck.workers import Report
 
 _TRUTH = 200
@@ -24,7 +24,7 @@ class Task:
         """About how long it takes, in steps of the article's scheme on the standard mesh; at least 1."""
         if isinstance(self.what, str):
             return _TRUTH
-        method, cells = METHODS[self.what.method], 4.0 ** (self.what.refine - REFINE)
+        method, cells = find_method(self.what.method), 4.0 ** (self.what.refine - REFINE)
         per_step = (1 + 2.5 * (method.order_dt - 1)) * (1 if method.family == "fem" else 3)
         return max(1, round(self.what.steps * per_step * cells * method.space**2))
 

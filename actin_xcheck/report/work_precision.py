@@ -241,7 +241,7 @@ def _mark(axes: Axes, chart: Chart, number: int, quantity: Quantity, values: Arr
         return
     if len(values) > 1:
         axes.plot([values.min(), values.max()], [y, y], color=colour, linewidth=0.8, alpha=0.8)
-    marker = _MARKERS[point.sample.point.method.family]
+    marker = _MARKERS.get(point.sample.point.method.family, "^")  # another package's family
     style: dict[str, Any] = {"color": colour, "markersize": 4.2}
     if standing is Standing.SILENT:
         style = {"color": "none", "markeredgecolor": _RED, "markersize": 5.5, "markeredgewidth": 1.3}
