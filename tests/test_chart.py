@@ -319,6 +319,7 @@ def charted(tmp_path, scene, points, monkeypatch, reference=((P1_IMEX, 1, 1e-3),
     return examination.examine(scene, [points[0].method], tmp_path, "", True, quiet)
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_is_drawn_as_failed(tmp_path, monkeypatch):
     text = load_scene("fig18-nonuniform-contraction").text.replace("1e-3*cos", "0.1*cos")
     text = re.sub(r"(?m)^(end|outputs) = .*|(?s:^\[expect.*)", "", text).replace(
@@ -339,6 +340,7 @@ def test_all_endings_have_a_sign():
     assert set(ENDINGS) == set(Ending) - {Ending.COMPLETED}
 
 
+@pytest.mark.slow
 def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that(tmp_path, monkeypatch):
     scene = load_scene("fig14-four-fronts")
     points = [Point(METHODS[FEM], 2, scene.time.end), Point(METHODS[IMEX], 2, scene.time.end, 2e-4)]
@@ -358,6 +360,7 @@ def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that(tmp_pa
     assert 'badge fail">silently inaccurate' in page
 
 
+@pytest.mark.slow
 def test_without_a_reference_nothing_is_judged(tmp_path, monkeypatch):
     text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
     scene = parse_scene(re.sub(r"(?ms)^\[expect.*", "", text), "breaks.toml")
@@ -374,6 +377,7 @@ def test_without_a_reference_nothing_is_judged(tmp_path, monkeypatch):
 VERSIONS = {"python": "3", "commit": "0123"}
 
 
+@pytest.mark.slow
 def test_nothing_is_measured_twice_by_the_same_code(tmp_path, monkeypatch):
     done = []
 

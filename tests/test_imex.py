@@ -16,6 +16,9 @@ from tests.lab import Film, film_of, local_orders, play, scene_of
 
 IMEX = [name for name in METHODS if "imex" in name]
 EVERY = pytest.mark.parametrize("method", IMEX)
+SLOW_ABOVE_P2 = pytest.mark.parametrize(
+    "method", [*IMEX[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in IMEX[2:])]
+)
 SMOOTH = "1 + 0.1*cos(pi*r**2)*(1 + 0.5*(r**2 - r**4/2)*cos(2*theta))"  # n.grad a = 0 on the rim
 MOVING = scene_of("psi = 270.0\np = 0.26", a=SMOOTH, end=0.08, more='[model]\ndelta = "ring"\n')
 
@@ -99,7 +102,7 @@ def test_every_stage_conserves_actin_whatever_the_steps(method):
     assert film.residual < 1e-13
 
 
-@EVERY
+@SLOW_ABOVE_P2
 def test_a_smaller_tolerance_gives_a_smaller_error(method):
     order, truth = METHODS[method].order_dt, play(MOVING, method, 2, MOVING.time.end / 200).last
 

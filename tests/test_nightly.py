@@ -196,6 +196,7 @@ def test_a_night_that_judges_nothing_is_not_green(night):
     assert night(Stub("nothing", how="undecided")) == 1
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_red_and_the_night_goes_on(monkeypatch, tmp_path):
     monkeypatch.setattr(work, "SOLVERS", [])
     begun = Begun("n", "2026-01-01", {"commit": "c"}, "m", "c", np.inf, "", "", ("dies", "fine"), 1.0)
@@ -275,6 +276,7 @@ def test_a_killed_night_is_gone_on_with(tmp_path):
     assert len(read_nights(tmp_path / "history.sqlite")) == 1
 
 
+@pytest.mark.slow
 def test_two_nights_at_once_are_two_nights(tmp_path):
     both = [start(tmp_path, tmp_path / f"log-{i}") for i in range(2)]
     for process in both:
