@@ -1,5 +1,6 @@
 """Runs that are interrupted: when their checkpoints are written, what goes on from one, and who may ask."""
 
+import json
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -61,12 +62,25 @@ def earlier(path: Path, attributes: Attributes) -> Run | None:
     run = read_run(file)
     for name, value in attributes.items():
         stored = run.attributes.get(name)
+        if name == "versions":
+            stored, value = _unlike(str(stored), str(value))
         if name != "command" and stored != value and not (stored != stored and value != value):  # nan
             raise UserError(
                 f"--resume: {file} holds another run, its {name} is {_shown(stored)}, not {_shown(value)}; "
                 "valid: the same run, or --force to begin again"
             )
     return run
+
+
+def _unlike(stored: str, now: str) -> tuple[str, str]:
+    """The versions that differ, as they were and are; an update of the system changes no bit."""
+    try:
+        old, new = json.loads(stored), json.loads(now)
+        names = sorted(name for name in {*old, *new} - {"platform"} if old.get(name) != new.get(name))
+        was, is_now = (", ".join(f"{name} {one.get(name)}" for name in names) for one in (old, new))
+    except (ValueError, TypeError, AttributeError):  # a damaged attribute
+        return stored, now
+    return was, is_now
 
 
 def taken_up(solver: Solver, writer: RunWriter) -> Checkpoint:

@@ -97,6 +97,8 @@ def _triangles(path: Path, blocks: list[tuple[str, Any]], count: int) -> Indices
     found = [data for kind, data in blocks if kind == "triangle" and len(data)]
     if not found:
         raise UserError(f"--mesh: {path}: it holds no triangle; valid: a triangulation of the cell")
+    if odd := [data for data in found if data.ndim != 2 or data.shape[1] != 3 or data.dtype.kind not in "iu"]:
+        raise UserError(f"--mesh: {path}: triangles of shape {odd[0].shape}; valid: (n, 3) node numbers")
     triangles: Indices = np.concatenate(found).T.astype(np.int64)
     if triangles.shape[1] > MOST_CELLS:
         raise UserError(f"--mesh: {path}: {triangles.shape[1]} cells; valid: {MOST_CELLS}")

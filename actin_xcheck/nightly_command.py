@@ -117,6 +117,11 @@ def nightly_command(
     for a mistake in what was asked.  A night with a deliberate fault is no part of the history.
     """
     history = out_dir / HISTORY
+    if resume and (only or failed or fault or baseline):
+        raise UserError(
+            "--resume: goes on with what the night was begun with; "
+            "valid: without --only, --failed, --fault and --baseline"
+        )
     make_folder(out_dir)
     known = past(history)
     plan = chosen(_without_watching(suite()) if fault else suite(), only or (), failed, known)

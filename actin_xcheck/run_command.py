@@ -79,6 +79,8 @@ def run_command(
         raise UserError(f"--rtol: {method} takes equal steps; valid with {adaptive}, or --dt instead")
     if out_file.suffix != ".vtkhdf":
         raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
+    if out_file.stem.endswith(".partial"):
+        raise UserError(f"--out: {out_file} is where an unfinished run stands; valid: without .partial")
     if out_file.is_dir():
         raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
     if force and resume:

@@ -210,19 +210,26 @@ def run(
             ending = Ending(before.attributes["outcome"])
             return Outcome(ending, before.attributes["message"] or f"{path} was finished before")
         began -= before.attributes["wall_seconds"] if before else 0.0
+        goes_on, before = before is not None, None  # its film is large
         solver = bind(scene, method, refine, dt, reduction=reduction, mesh=mesh, remesh=remesh)
+        if not hasattr(solver, "memento"):
+            raise UserError(
+                f"--method {method.name}: its solver lacks memento and restored; valid: with both"
+            )
         amplitude = amplitude_of(scene, method, solver, refine, dt, rtol, reduction, mesh)
         delta = scene.physics.delta_on_cells(solver.mesh.centroids)
         grid, tolerance = solver.grid, None if rtol is None else Tolerance(rtol, method.order_dt)
         with (
-            RunWriter(path, grid.xi, grid.cells, delta, attributes, before is not None) as writer,
+            RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer,
             stop_signals() if heeds_signals else nullcontext(lambda: False) as stop,
         ):
             recorder = Recorder(scene, solver, writer, amplitude, progress)
-            begin = taken_up(solver, writer) if before else None
+            begin = taken_up(solver, writer) if goes_on else None
+            recorder.last = begin.state if begin else None
             keeper = Keeper(solver, writer, began, stop)
             outcome = integrate(solver, dt, scene.output_times, recorder, tolerance, begin, keeper)
-            if outcome.ending is Ending.TANGLED and remeshes(method) and not remesh:
+            can_remesh = remeshes(method) and mesh is None and scene.motion is None and not remesh
+            if outcome.ending is Ending.TANGLED and can_remesh:
                 outcome = _told(outcome, solver, recorder.last)
             if outcome.ending is not Ending.INTERRUPTED:
                 writer.finish(outcome, time.perf_counter() - began)

@@ -41,6 +41,6 @@ def soundness(space: Space, t: float, x: Array) -> Outcome:
     message = (
         f"the mesh is about to fold at t = {t:.6g}: the shape of the cell that started at "
         f"({started[0]:.3f}, {started[1]:.3f}), now at ({now[0]:.3f}, {now[1]:.3f}), has fallen to "
-        f"{of_cells[worst]:.2g} of an equilateral triangle's; --remesh goes on from here"
+        f"{of_cells[worst]:.2g} of an equilateral triangle's; a run with --remesh would go on"
     )
     return Outcome(Ending.TANGLED, message)

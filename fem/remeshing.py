@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -144,7 +144,7 @@ class Remeshing:
     def probes(self, points: Array) -> Probes:
         """Material points (2, k), found in every mesh anew."""
 
-        @cache
+        @lru_cache(maxsize=1)  # those of meshes that have been left are not asked again
         def of(part: Part) -> Probes:
             return part.solver.probes(points)
 

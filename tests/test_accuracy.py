@@ -69,6 +69,22 @@ def test_exact_solutions_are_delivered_as_accurate_as_asked(name, tmp_path):
     assert largest <= reached.estimate <= 1e-4
 
 
+def test_an_interrupted_level_is_no_answer(tmp_path):
+    before = tmp_path / "run.vtkhdf"
+    before.write_bytes(b"an earlier answer")
+    levels = []
+
+    def stop_in_the_second(done, total):
+        levels.append(done == total)
+        if sum(levels) and not levels[-1]:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        deliver(load_scene("static-decay"), 1e-9, before, "", stop_in_the_second)
+    assert before.read_bytes() == b"an earlier answer"
+    assert [path.name for path in tmp_path.iterdir()] == [before.name]
+
+
 def test_a_breakdown_is_delivered_as_such(tmp_path):
     scene = scene_of("psi = 7.8e3\np = 0.026", a="1 + 1e-3*cos(x)", end=0.05)
     reached = deliver(scene, 1e-3, tmp_path / "run.vtkhdf", "")

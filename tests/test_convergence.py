@@ -80,6 +80,19 @@ def test_a_number_whose_error_changes_its_sign_shows_no_order_yet():
     assert observe(H, -(H**1.5), 2).verdict is Verdict.FAIL
 
 
+@pytest.mark.parametrize(
+    "errors",
+    [
+        [1e-3, -1e-3, 1e-3, -1e-3, 1e-3],
+        [1e-3, -2e-3, 4e-3, -8e-3, 16e-3],
+        [1e-2, 2e-4, -4e-4, -2e-4, -1e-4],  # settled at 1
+        [1e-1, 1e-2, 1e-3, 1e-13, 1e-1],  # in round-off for one level only
+    ],
+)
+def test_a_sign_excuses_nothing_that_does_not_converge(errors):
+    assert observe(H[:5], errors, 2).verdict is Verdict.FAIL
+
+
 def test_half_an_order_above_the_leading_term_is_approached_too():
     errors = H**2 * (1 - H**0.5)
     assert observe(H, errors, 2).verdict is Verdict.NOT_YET_ASYMPTOTIC

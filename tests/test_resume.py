@@ -1,6 +1,7 @@
 """Interrupted runs: whatever stops one, its last checkpoint is whole, and it goes on to the same bits."""
 
 import errno
+import json
 import multiprocessing
 import os
 import random
@@ -30,6 +31,7 @@ from actin_xcheck.scene import load_scene
 from actin_xcheck.solver import State
 from actin_xcheck.stepping import Checkpoint, Tolerance, integrate
 from actin_xcheck.store import annotate, read_run
+from fem.remeshing import Remeshing
 from tests.kills import FRONTS, KINDS, ROUND, SMALL, STIRRED, Kind, bits, campaign
 from tests.lab import Film
 
@@ -469,3 +471,37 @@ def test_a_disk_that_is_full_or_read_only_is_one_line(tmp_path: Path) -> None:
         code, out, error = ended(started(tmp_path, *words, str(folder / "run.vtkhdf")))
         assert (code, out, error.count("\n")) == (2, "", 1)
         assert "Read-only file system" in error
+
+
+def test_the_versions_that_differ_are_named_and_a_new_kernel_is_none():
+    old = {"python": "3.11.7", "numpy": "2.0", "platform": "Linux-5"}
+    now = {"python": "3.11.7", "numpy": "2.1", "platform": "Linux-6"}
+    assert checkpoint._unlike(json.dumps(old), json.dumps(now)) == ("numpy 2.0", "numpy 2.1")
+    assert checkpoint._unlike(json.dumps(old), json.dumps(old | {"platform": "Linux-6"})) == ("", "")
+    assert checkpoint._unlike("damaged", json.dumps(now)) == ("damaged", json.dumps(now))
+
+
+def test_a_run_goes_on_over_a_new_mesh_to_the_same_bits(tmp_path, monkeypatch):
+    """Remeshed in its first step, because that is asked of it, and interrupted in its third."""
+    begin = Remeshing.init
+    monkeypatch.setattr(Remeshing, "init", lambda solver: replace(begin(solver), limit=0.999))
+    monkeypatch.setattr(checkpoint, "REST", 0.0)
+    scene, method, steps = load_scene("growing-disk"), METHODS["fem-p2-imex3"], []
+
+    def interrupt(done, total):
+        steps.append(done)
+        if len(steps) == 4:
+            raise KeyboardInterrupt
+
+    def go(name, progress=lambda done, total: None, resume=False, remesh=True):
+        path, dt = tmp_path / name, scene.time.end / 5
+        return run(scene, method, 2, dt, path, progress=progress, resume=resume, remesh=remesh)
+
+    assert go("whole.vtkhdf").ok
+    with pytest.raises(KeyboardInterrupt):
+        go("parts.vtkhdf", interrupt)
+    with pytest.raises(UserError, match="its remesh is 1, not 0"):
+        go("parts.vtkhdf", resume=True, remesh=False)
+    assert go("parts.vtkhdf", resume=True).ok
+    assert read_run(tmp_path / "whole.vtkhdf").series["remeshings"][[0, 1, -1]].tolist() == [0, 1, 1]
+    assert bits(tmp_path / "whole.vtkhdf") == bits(tmp_path / "parts.vtkhdf")

@@ -9,7 +9,8 @@ The rules, for the orders p_i = log(e_i/e_{i+1}) / log(s_i/s_{i+1}) between succ
 * `not yet asymptotic` when the last three approach it, each closer than the one before and the last by at
   least a quarter of the distance: a next term of the error, h^(1/2) relative to the leading one or higher,
   lets that distance fall by 0.71 a level or faster; and when the error of a single number changes its sign
-  among the last four levels, where its leading terms cancel and no order can be read off;
+  once among the last four levels, where its leading terms cancel, and the last two orders are far apart;
+* FAIL when an error rises out of round-off again;
 * FAIL in every other case: they have settled elsewhere, or not at all.
 
 The slope of the least-squares line through all levels above the floor is reported with its interval, and
@@ -133,6 +134,9 @@ def _judge(
         return Verdict.MEASURED, "no order is claimed"
     if missing := int((~np.isfinite(errors)).sum()):
         return Verdict.FAIL, f"{missing} of {len(errors)} levels gave no number"
+    above = _above(np.abs(errors), floor)
+    if np.any(above[1:] & ~above[:-1]):
+        return Verdict.FAIL, "an error rises out of round-off again"
     known = local[np.isfinite(local)]
     if len(known) < 2:
         return Verdict.IN_ROUND_OFF, f"fewer than two local orders stand above errors of {floor:.0e}"
@@ -142,6 +146,7 @@ def _judge(
         return Verdict.PASS, f"the last two local orders are {last}"
     if len(known) > 2 and distance[-1] <= APPROACHES * distance[-2] and distance[-2] < distance[-3]:
         return Verdict.NOT_YET_ASYMPTOTIC, f"the local orders approach {declared:g}; the last two are {last}"
-    if np.ptp(np.sign(errors[_above(np.abs(errors), floor)][-4:])) > 0:
+    turns = np.count_nonzero(np.diff(np.sign(errors[above][-4:])))
+    if turns == 1 and abs(known[-1] - known[-2]) > TOLERANCE:
         return Verdict.NOT_YET_ASYMPTOTIC, f"the error changes its sign; the last two local orders are {last}"
     return Verdict.FAIL, f"the last two local orders are {last}, not {declared:g}"

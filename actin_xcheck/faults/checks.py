@@ -84,7 +84,7 @@ class Compared:
 FREE_CELL = "free-cell"
 FREE_CELL_TEXT = f"""
 name = "{FREE_CELL}"
-source = "A mode of a free cell whose loads do not balance, without the pressure that costs half an order"
+source = "A mode of a free cell whose loads do not balance, without the pressure that costs an order"
 [parameters]
 psi = 200
 p = 0

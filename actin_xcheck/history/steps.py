@@ -187,6 +187,8 @@ def _stands(one: Judged | None) -> tuple[str, float, float]:
 
 
 def _direction(kind: Kind, size: float) -> str:
+    if math.isnan(size):  # it was asked for and could not be had
+        return "worse"
     if kind.worse == 0 or size == 0:
         return "other"
     return "worse" if size * kind.worse > 0 else "better"

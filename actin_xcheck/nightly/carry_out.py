@@ -99,9 +99,12 @@ def carry_out(task: Task) -> Done | NotRun:
         with _limited(min(patience, left)):
             answer = work_alone(_find, task, QUIET)
     except _OutOfTime:
-        if patience > left:
+        if (
+            left < PATIENCE * task.expected
+        ):  # else it had the time that tells a slow check from one that hangs
             return NotRun(name, f"stopped at the end of the budget; {task.expected:.1f} s had been expected")
-        trouble = f"was stopped after {patience:.0f} s; {task.expected:.1f} s had been expected"
+        spent = time.perf_counter() - began
+        trouble = f"was stopped after {spent:.0f} s; {task.expected:.1f} s had been expected"
         return broken(name, trouble, time.perf_counter() - began)
     except ChildProcessError as error:
         return broken(name, f"broke down: {error}", time.perf_counter() - began)

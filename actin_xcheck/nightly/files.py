@@ -21,11 +21,16 @@ def located(claim: Claim, folder: Path) -> tuple[str, Claim]:
     for name in (COMPARISON, STUDIES):
         if (folder / name).exists():
             return name, claim
-    runs = sorted(folder.glob("*.vtkhdf"), key=lambda run: run.stat().st_mtime_ns)
+    runs = sorted(_finished(folder), key=lambda run: run.stat().st_mtime_ns)
     if not runs:
         return "", claim
     inside = claim.path.split("/", 4)[-1]  # behind /runs/<scene>/<method>/, which a comparison links
     return runs[0].name, replace(claim, path=f"/{inside}")
+
+
+def _finished(folder: Path) -> list[Path]:
+    """The runs of a folder, without what is left of one that was killed."""
+    return [run for run in folder.glob("*.vtkhdf") if not run.stem.endswith(".partial")]
 
 
 def numbers_in(folder: Path, check: str) -> Iterator[Number]:
@@ -38,7 +43,7 @@ def numbers_in(folder: Path, check: str) -> Iterator[Number]:
                 for method, corner in zip(triangle.methods, triangle.corners, strict=False):
                     key = f"rate/{triangle.scene}/{method} · {check}"
                     yield Number(key, Kind.RATE, corner.value, "", f"{COMPARISON}/triangles/{triangle.key}")
-    for run in sorted(folder.glob("*.vtkhdf")):
+    for run in sorted(_finished(folder)):
         if "--coarser-" in run.name:
             continue
         with reading(run, "run") as file:

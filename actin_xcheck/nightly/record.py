@@ -125,8 +125,9 @@ class Kept:
 
     @property
     def green(self) -> bool:
-        """Whether something was judged, and all of it holds."""
-        return not self.red and any(claim.judged for claim in self.claims)
+        """Whether something was judged, all of it holds, and no check that was planned is missing."""
+        kept = {one.name for one in self.done} | {one.name for one in self.left_out}
+        return not self.red and any(claim.judged for claim in self.claims) and kept >= {*self.begun.planned}
 
 
 @dataclass
@@ -149,7 +150,7 @@ class Journal:
         self._append({"closed": [asdict(one) for one in left_out], "seconds": seconds})
 
     def _append(self, line: dict[str, Any]) -> None:
-        text = json.dumps(plain(line), allow_nan=False, ensure_ascii=False)
+        text = json.dumps(plain(line), allow_nan=False)  # ASCII: a line is a line
         with self.path.open("ab+") as file:
             if file.tell() and (file.seek(-1, os.SEEK_END), file.read(1))[1] != b"\n":
                 file.write(b"\n")  # behind the half of a line that a killed process left
