@@ -530,3 +530,22 @@ def test_a_real_night(tmp_path):
 def test_what_comes_to_no_verdict_fails_in_its_own_light(check, group):
     (claim,) = work.broken(check, "was stopped", 1.0).claims
     assert (claim.verdict, group_of(claim), claim.note) == ("FAIL", group, "was stopped")
+
+
+@dataclass(frozen=True)
+class Silent:
+    """A check whose order can no longer be read off."""
+
+    name: str = "study"
+    bounded: bool = True
+
+    def claims(self, folder: Path) -> list[Claim]:
+        return [
+            Claim("scene", (FEM,), "holds", 0.0, 1.0, "command", "/runs/scene"),
+            Claim("scene", (FEM,), "the order in h of area is 2", 0.1, np.nan, "command", "/studies/key"),
+        ]
+
+
+def test_an_order_that_can_no_longer_be_read_off_is_red(tmp_path):
+    *_, last = Checked(Silent(), 1.0, watches=False).find(tmp_path).claims
+    assert (last.verdict, last.note) == ("FAIL", "1 of its orders came to no verdict")

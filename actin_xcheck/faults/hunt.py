@@ -28,7 +28,7 @@ class Clean:
     Attributes
     ----------
     check : what was run.
-    red : claims that do not hold, or are not judged: there must be none.
+    red : claims that do not hold: there must be none.
     judged : how many claims hold or do not.
     reached : targets that were called.
     seconds : how long it took.
