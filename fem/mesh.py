@@ -78,7 +78,8 @@ class Bases:
     @classmethod
     def on(cls, mesh: Mesh) -> "Bases":
         """Build the bases; P1 gradients are constant, so one point integrates products of them exactly."""
-        reference = MeshTri(mesh.xi, mesh.triangles.astype(np.int32), sort_t=False)
+        triangles = mesh.triangles.astype(np.int32, order="C")
+        reference = MeshTri(np.ascontiguousarray(mesh.xi), triangles, sort_t=False)
         scalar, vector, corners = ElementTriP1(), ElementVector(ElementTriP1()), ElementDG(ElementTriP1())
         return cls(
             vector=MovingBasis(Basis(reference, vector, intorder=0)),

@@ -52,7 +52,7 @@ class Space:
         """Build the space of order k on a mesh; beyond the radius `ring` its layers are circles."""
         # P3 and P4 number an edge's nodes from its lower to its higher vertex, hence the sorting
         triangles = np.sort(mesh.triangles, axis=0) if order > 2 else mesh.triangles
-        flat = MeshTri(mesh.xi, triangles.astype(np.int32), sort_t=False)
+        flat = MeshTri(np.ascontiguousarray(mesh.xi), triangles.astype(np.int32, order="C"), sort_t=False)
         cells = Basis(flat, UNIFORM[order], intorder=1).element_dofs.astype(np.int64)
         xi = np.empty((2, cells.max() + 1))
         xi[:, cells] = (_curved if mesh.layered else _with_arcs)(mesh, triangles, ring, order)
