@@ -28,7 +28,7 @@ def extremes_command(
     When 1 + div u reaches zero the model has ended: its time is found by two kinds of elements on three
     meshes each, by finite volumes too for Fig. 18.  Where the mesh is about to fold the run is shown with and
     without remeshing.  The scene in which the article's algorithm fails is run beside a perturbed twin.
-    About ten minutes.  Exit code 0 when it is done, whatever ended; 2 for a mistake in what was asked.
+    About six minutes.  Exit code 0 when it is done, whatever ended; 2 for a mistake in what was asked.
     """
     every = tasks()
     known = sorted({task.scene for task in every})
