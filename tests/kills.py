@@ -7,6 +7,7 @@ up again, some of them killed once more, it must end in the bits of a run that n
 
 import multiprocessing
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -20,6 +21,7 @@ from actin_xcheck import checkpoint, runs
 from actin_xcheck.fidelity import Fidelity, reduced
 from actin_xcheck.files import unfinished
 from actin_xcheck.registry import HAND_OVER, METHODS, MODAL, RADIAL, SECTOR
+from actin_xcheck.result import Outcome
 from actin_xcheck.scene import Scene, load_scene, parse_scene
 from actin_xcheck.store import read_run, reading
 
@@ -85,6 +87,46 @@ KINDS = (
     Kind(STIRRED, "fv-driven", 3, 2e-3),
 )
 """Both codes, equal and adaptive steps, every reduced model, a run that fails, one that has a twin."""
+
+QUICK = (
+    Kind(FRONTS, "fem-p1-paper", 2, 5e-3),
+    Kind(FRONTS, "fem-p1-paper", 3, 1e-2, fidelity=Fidelity.SECTOR),
+    Kind(FRONTS, "fem-p2-imex3", 2, 1.0, 1e-4),
+    Kind(FRONTS, "fem-p4-imex4", 2, 1.0, 1e-5, Fidelity.SECTOR),
+    Kind(ROUND, "fem-p4-imex4", 3, 1.0, 1e-7, Fidelity.RADIAL),
+    Kind(SMALL, "fem-p2-imex3", 2, 1.0, 1e-6, Fidelity.MODAL),
+    Kind(FRONTS, "fv-coupled", 2, 1e-2),
+    Kind(FRONTS, "fv-order2", 2, 1.0, 1e-3),
+    Kind(STIRRED, "fv-driven", 2, 1e-2),
+)
+"""Small ones of most of them, which end within seconds."""
+
+
+def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = False) -> Outcome:
+    """Run a kind of run in this process; Ctrl-C comes while it measures its state after so many steps."""
+    steps = 0
+
+    def progress(done: int, total: int) -> None:
+        nonlocal steps
+        if steps == stop_after:
+            signal.raise_signal(signal.SIGINT)
+        steps += 1
+
+    scene, method = kind.loaded, METHODS[kind.method]
+    reduction = reduced(scene, method, kind.fidelity, kind.rtol)
+    return runs.run(
+        scene,
+        method,
+        kind.refine,
+        kind.dt,
+        path,
+        "",
+        progress,
+        kind.rtol,
+        reduction,
+        resume,
+        heeds_signals=True,
+    )
 
 
 def work(kind: Kind, path: Path, resume: bool) -> None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from actin_xcheck.geometry import INTERIOR_POINTS, quadrature_points, signed_areas
-from actin_xcheck.model import Array
+from actin_xcheck.model import Array, Delta, Model
+from actin_xcheck.parameters import Parameters
 from actin_xcheck.registry import METHODS
 from actin_xcheck.result import Outcome
 from actin_xcheck.runs import bind
@@ -79,3 +80,12 @@ def scene_of(parameters: str = "psi = 0.0\np = 0.0", a: str = "1", end: float = 
         f'name = "test"\n[parameters]\n{parameters}\n[initial]\na = "{a}"\n[time]\nend = {end}\n{more}',
         "test.toml",
     )
+
+
+def quiet(label, done, total):
+    """A Report that says nothing."""
+
+
+def linear_model(psi: float, p: float = 0.0, delta: Delta = Delta.NONE, **parameters: float) -> Model:
+    """A model by the numbers that linear theory depends on."""
+    return Model(Parameters(psi=psi, p=p, **parameters), delta=delta)

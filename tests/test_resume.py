@@ -1,82 +1,32 @@
 """Interrupted runs: whatever stops one, its last checkpoint is whole, and it goes on to the same bits."""
 
-import errno
 import json
-import multiprocessing
-import os
 import random
-import resource
-import shlex
-import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from actin_xcheck import checkpoint, files
+from actin_xcheck import checkpoint
 from actin_xcheck.checkpoint import Keeper
 from actin_xcheck.errors import UserError
 from actin_xcheck.fidelity import Fidelity, reduced
-from actin_xcheck.files import locked, replace_file, unfinished
+from actin_xcheck.files import unfinished
 from actin_xcheck.registry import METHODS
 from actin_xcheck.result import COMPLETED, Ending, Outcome
 from actin_xcheck.runs import bind, run
 from actin_xcheck.scene import load_scene
 from actin_xcheck.solver import State
 from actin_xcheck.stepping import Checkpoint, Tolerance, integrate
-from actin_xcheck.store import annotate, read_run
+from actin_xcheck.store import read_run
 from fem.remeshing import Remeshing
-from tests.kills import FRONTS, KINDS, ROUND, SMALL, STIRRED, Kind, bits, campaign
+from tests.kills import FRONTS, QUICK, ROUND, Kind, bits, go
 from tests.lab import Film
-
-QUICK = (
-    Kind(FRONTS, "fem-p1-paper", 2, 5e-3),
-    Kind(FRONTS, "fem-p1-paper", 3, 1e-2, fidelity=Fidelity.SECTOR),
-    Kind(FRONTS, "fem-p2-imex3", 2, 1.0, 1e-4),
-    Kind(FRONTS, "fem-p4-imex4", 2, 1.0, 1e-5, Fidelity.SECTOR),
-    Kind(ROUND, "fem-p4-imex4", 3, 1.0, 1e-7, Fidelity.RADIAL),
-    Kind(SMALL, "fem-p2-imex3", 2, 1.0, 1e-6, Fidelity.MODAL),
-    Kind(FRONTS, "fv-coupled", 2, 1e-2),
-    Kind(FRONTS, "fv-order2", 2, 1.0, 1e-3),
-    Kind(STIRRED, "fv-driven", 2, 1e-2),
-)
 
 
 def label(kind: Kind) -> str:
     return kind.label.replace(" ", "-")
-
-
-def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = False) -> Outcome:
-    """Run a kind of run in this process; Ctrl-C comes while it measures its state after so many steps."""
-    steps = 0
-
-    def progress(done: int, total: int) -> None:
-        nonlocal steps
-        if steps == stop_after:
-            signal.raise_signal(signal.SIGINT)
-        steps += 1
-
-    scene, method = kind.loaded, METHODS[kind.method]
-    reduction = reduced(scene, method, kind.fidelity, kind.rtol)
-    return run(
-        scene,
-        method,
-        kind.refine,
-        kind.dt,
-        path,
-        "",
-        progress,
-        kind.rtol,
-        reduction,
-        resume,
-        heeds_signals=True,
-    )
 
 
 @pytest.mark.parametrize("kind", QUICK, ids=label)
@@ -216,261 +166,6 @@ def test_a_checkpoint_that_is_not_whole_is_one_line(tmp_path: Path) -> None:
     unfinished(path).write_bytes(unfinished(path).read_bytes()[:5000])
     with pytest.raises(UserError, match="not a whole run"):
         go(QUICK[0], path, resume=True)
-
-
-def test_one_process_at_a_time(tmp_path: Path) -> None:
-    path = tmp_path / "run.vtkhdf"
-    with locked(path):
-        with pytest.raises(UserError, match="another process is writing it"):
-            go(QUICK[0], path)
-        (tmp_path / "other.vtkhdf.1.new").touch()
-        with locked(tmp_path / "other.vtkhdf"):
-            pass
-    assert {one.name for one in tmp_path.iterdir()} == {"other.vtkhdf.1.new"}
-    (tmp_path / ".run.partial.vtkhdf.123.new").write_text("what a kill left")
-    (tmp_path / ".run.2.vtkhdf.123.new").write_text("of another run")
-    with locked(path):
-        assert not (tmp_path / ".run.partial.vtkhdf.123.new").exists()
-    assert (tmp_path / ".run.2.vtkhdf.123.new").exists()
-
-
-# kills, at the worst moments
-
-
-def _kill_yourself(kind: Kind, path: Path, moment: str) -> None:
-    """In a process of its own: run, and be killed while the third file is put in its place, or the last."""
-    checkpoint.REST, count = 0.0, 0
-
-    def die(*_: object) -> None:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    write, move = Path.write_bytes, os.replace
-
-    def half(file: Path, content: bytes) -> int:
-        nonlocal count
-        count += 1
-        write(file, content[: len(content) // 2] if count == 3 else content)
-        return die() if count == 3 else len(content)
-
-    def placed(source: Path, destination: Path) -> None:
-        last = destination == path
-        if last and moment == "before the last":
-            die()
-        move(source, destination)
-        if last and moment == "after the last":
-            die()
-
-    if moment == "half written":
-        Path.write_bytes = half  # type: ignore[method-assign, assignment]
-    files.os.replace = placed  # type: ignore[assignment]
-    go(kind, path)
-
-
-@pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The bits of the first quick kind."""
-    path = tmp_path_factory.mktemp("whole") / "run.vtkhdf"
-    assert go(QUICK[0], path).ok
-    return bits(path)
-
-
-def _in_a_process(work, *arguments) -> int:
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["tests.test_resume", "fem.solver"])
-    process = context.Process(target=work, args=arguments)
-    process.start()
-    process.join()
-    assert process.exitcode is not None
-    return process.exitcode
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("moment", ["half written", "before the last", "after the last"])
-def test_a_kill_while_a_file_is_put_in_its_place(moment: str, tmp_path: Path, expected) -> None:
-    path = tmp_path / "run.vtkhdf"
-    assert _in_a_process(_kill_yourself, QUICK[0], path, moment) == -signal.SIGKILL
-    left = {one.name for one in tmp_path.iterdir()} - {".run.vtkhdf.lock"}
-    assert "run.partial.vtkhdf" in left
-    assert ("run.vtkhdf" in left) == (moment == "after the last")
-    assert len(left) == 2
-    assert read_run(unfinished(path)).attributes["outcome"] == "interrupted"
-    assert go(QUICK[0], path, resume=True).ok
-    assert bits(path) == expected
-    assert [*tmp_path.iterdir()] == [path]
-
-
-@pytest.mark.slow
-def test_random_kills(tmp_path: Path) -> None:
-    """A small campaign; `python -m tests.kills 200` is a large one."""
-    for found in campaign(12, 5, tmp_path, (KINDS[1], KINDS[4], KINDS[5], KINDS[10])):
-        assert not found.wrong
-        assert found.counts["same bits"] > 0
-
-
-# disks
-
-
-def _fill(path: Path, bytes_left: int) -> None:
-    """In a process of its own: run with a limit on the size of files."""
-    checkpoint.REST = 0.0
-    resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_left, bytes_left))
-    try:
-        go(QUICK[0], path)
-    except UserError as error:
-        kept = "; run.partial.vtkhdf holds the last checkpoint, --resume goes on"
-        sys.exit(2 if str(error).endswith(f"cannot be written (File too large){kept}") else 3)
-
-
-@pytest.mark.slow
-def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, expected) -> None:
-    path = tmp_path / "run.vtkhdf"
-    go(QUICK[0], path, 0)
-    size = unfinished(path).stat().st_size
-    unfinished(path).unlink()
-    assert _in_a_process(_fill, path, size + 4000) == 2
-    assert {one.name for one in tmp_path.iterdir()} == {"run.partial.vtkhdf"}
-    part = read_run(unfinished(path))
-    assert 0 < part.series["time"][-1] < load_scene(FRONTS).time.end
-    assert go(QUICK[0], path, resume=True).ok
-    assert bits(path) == expected
-    assert _in_a_process(_fill, tmp_path / "more.vtkhdf", 1000) == 3  # not even the beginning fits
-    assert [*tmp_path.iterdir()] == [path]
-
-
-def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch) -> None:
-    page = tmp_path / "index.html"
-    replace_file(page, b"old")
-    write = Path.write_bytes
-
-    def full(file: Path, content: bytes) -> int:
-        write(file, content[:1])
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(UserError, match=r"index.html: cannot be written \(No space left on device\)"):
-        replace_file(page, b"new")
-    assert [*tmp_path.iterdir()] == [page]
-    assert page.read_bytes() == b"old"
-
-
-def test_what_is_stated_later_changes_a_run_all_at_once(tmp_path: Path, monkeypatch) -> None:
-    path = tmp_path / "run.vtkhdf"
-    assert go(QUICK[0], path).ok
-    annotate(path, {"accuracy": 1e-3})
-    assert read_run(path).attributes["accuracy"] == 1e-3
-    before = path.read_bytes()
-
-    def fail(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(files.os, "replace", fail)
-    with pytest.raises(KeyboardInterrupt):
-        annotate(path, {"accuracy": 1e-4})
-    assert path.read_bytes() == before
-    assert [*tmp_path.iterdir()] == [path]
-
-
-# the command
-
-WORDS = (
-    "run",
-    FRONTS,
-    "--method",
-    "fem-p1-paper",
-    "--refine",
-    "5",
-    "--dt",
-    "1e-3",
-    "--fidelity",
-    "full",
-    "--quiet",
-)
-
-
-def started(folder: Path, *words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-W", "error", "-m", "actin_xcheck", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    out, error = process.communicate(timeout=200)
-    return process.returncode, out, error
-
-
-def wait_for(path: Path) -> None:
-    for _ in range(20_000):
-        if path.exists():
-            return
-        time.sleep(0.01)
-    raise AssertionError(f"{path} does not appear")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stopped_command_says_how_to_go_on_and_does(number: signal.Signals, tmp_path: Path) -> None:
-    path = tmp_path / "my run.vtkhdf"
-    words = (*WORDS, "--out", path.name)
-    process = started(tmp_path, *words, "--force")
-    wait_for(unfinished(path))
-    process.send_signal(signal.SIGSTOP)
-    code, out, error = ended(started(tmp_path, *words, "--resume"))
-    process.send_signal(signal.SIGCONT)
-    assert (code, out) == (2, "")  # and the first one goes on
-    assert error.count("\n") == 1
-    assert "another process is writing it" in error
-    process.send_signal(number)
-    code, out, error = ended(process)
-    assert (code, out) == (130, "")
-    assert error.count("\n") == 1
-    said, again = error.strip().split("; to go on: ")
-    assert said.startswith("actin_xcheck: interrupted at t = ")
-    assert 0 < read_run(unfinished(path)).series["time"][-1] < 0.1636
-    assert ended(started(tmp_path, *words))[0] == 2  # not to be lost by mistake
-    _, *rest = shlex.split(again)
-    assert "--force" not in rest
-    code, out, error = ended(started(tmp_path, *rest[2:]))
-    assert (code, out, error) == (0, f"completed: {path.name}\n", "")
-    whole = started(tmp_path, *WORDS, "--out", "whole.vtkhdf")
-    assert ended(whole)[0] == 0
-    assert bits(path) == bits(tmp_path / "whole.vtkhdf")
-    code, out, error = ended(started(tmp_path, *rest[2:]))
-    assert (code, error) == (0, "")
-    assert "finished before" in out
-
-
-@contextmanager
-def mounted(folder: Path, options: str) -> Iterator[Path]:
-    """A small file system; skips where none can be mounted."""
-    folder.mkdir(exist_ok=True)
-    done = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, check=False
-    )
-    if done.returncode:
-        pytest.skip("nothing can be mounted here")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", folder], check=True)
-
-
-@pytest.mark.slow
-def test_a_disk_that_is_full_or_read_only_is_one_line(tmp_path: Path) -> None:
-    words = (*WORDS, "--out")
-    with mounted(tmp_path / "small", "size=900k") as folder:
-        code, out, error = ended(started(tmp_path, *words, str(folder / "run.vtkhdf")))
-        assert (code, out, error.count("\n")) == (2, "", 1)
-        assert "No space left on device" in error
-        part = unfinished(folder / "run.vtkhdf")
-        assert [*folder.iterdir()] == [part]
-        assert read_run(part).series["time"][-1] >= 0
-        subprocess.run(["mount", "-o", "remount,size=9m", folder], check=True)
-        assert ended(started(tmp_path, *words, str(folder / "run.vtkhdf"), "--resume"))[0] == 0
-        assert ended(started(tmp_path, *words, "whole.vtkhdf"))[0] == 0
-        assert bits(folder / "run.vtkhdf") == bits(tmp_path / "whole.vtkhdf")
-    with mounted(tmp_path / "fixed", "ro") as folder:
-        code, out, error = ended(started(tmp_path, *words, str(folder / "run.vtkhdf")))
-        assert (code, out, error.count("\n")) == (2, "", 1)
-        assert "Read-only file system" in error
 
 
 def test_the_versions_that_differ_are_named_and_a_new_kernel_is_none():
