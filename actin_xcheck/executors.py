@@ -12,8 +12,9 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from actin_xcheck.errors import UserError
@@ -51,14 +52,27 @@ class Executor(Protocol):
         ...
 
 
+def jobs_asked(jobs: int | None, scheduler: str | None) -> int:
+    """Return how many processes `--jobs` asks for on this machine, its cores where it is not given.
+
+    UserError where a scheduler is named too.
+    """
+    if jobs is not None and scheduler is not None:
+        raise UserError("--jobs: not with --scheduler, which has its own workers; valid: one of the two")
+    return jobs or os.cpu_count() or 1
+
+
 @contextmanager
 def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     """Give as many processes as `jobs` on this machine, or those of the cluster at a scheduler's address.
 
+    Those of this machine end with the context, so that what they have loaded serves all that is asked in it.
+
     UserError where no `dask.distributed` scheduler with workers answers there, or where it is not installed.
     """
     if scheduler is None:
-        yield _Processes(jobs)
+        with closing(_Processes(jobs)) as processes:
+            yield processes
         return
     try:
         from distributed import Client
@@ -80,61 +94,88 @@ def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
 
 
 class _Processes:
-    """Each process is a pool of its own, so that one that ends takes no other's task with it."""
+    """Each process is a pool of its own, so that one that ends takes no other's task with it.
+
+    They are started when there is work for them, and wait for more with all that they have loaded.
+    """
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
+        self._idle: list[ProcessPoolExecutor] = []
+        self._children: set[BaseProcess] = set()
 
     def results(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
         waiting, ends = deque(range(len(tasks))), Counter[int]()
-        idle = [_process() for _ in range(min(self._jobs, len(tasks)))]
         busy: dict[Future[Result], tuple[int, ProcessPoolExecutor]] = {}
-        others = set(multiprocessing.active_children())
+
+        def begin() -> None:
+            while waiting and len(busy) < self._jobs:
+                number = waiting.popleft()
+                future, process = self._begin(work, tasks[number])
+                busy[future] = number, process
+
         try:
-            while waiting or busy:
-                while waiting and idle:
-                    process, number = idle.pop(), waiting.popleft()
-                    busy[process.submit(work, tasks[number])] = number, process
+            begin()
+            while busy:
                 for future in wait(busy, return_when=FIRST_COMPLETED).done:
                     number, process = busy.pop(future)
-                    try:
-                        result: Result | Lost = future.result()
-                    except BrokenProcessPool:
+                    if isinstance(future.exception(), BrokenProcessPool):
                         process.shutdown()
-                        process = _process()
                         ends[number] += 1
                         if ends[number] < ATTEMPTS:
                             waiting.appendleft(number)
-                            idle.append(process)
+                            begin()
                             continue
-                        result = Lost(f"the process ended under this run, {ATTEMPTS} times")
-                    idle.append(process)
+                        result: Result | Lost = Lost(f"the process ended under this run, {ATTEMPTS} times")
+                    else:
+                        self._idle.append(process)
+                        result = future.result()
+                    begin()  # before the caller sees to the result, for which no process has to wait
                     yield number, result
         finally:
-            for process in (*idle, *(process for _, process in busy.values())):
-                process.shutdown(wait=False, cancel_futures=True)
             if busy:  # an interrupt or a mistake: nobody waits for these
-                for child in set(multiprocessing.active_children()) - others:
+                self._idle += [process for _, process in busy.values()]
+                self.close()
+                for child in self._children:
                     child.terminate()
+
+    def close(self) -> None:
+        """Let the processes go."""
+        while self._idle:
+            self._idle.pop().shutdown(wait=False, cancel_futures=True)
+
+    def _begin(
+        self, work: Callable[[Task], Result], task: Task
+    ) -> tuple[Future[Result], ProcessPoolExecutor]:
+        """Hand a task to a process that is idle, or to a new one."""
+        others = set(multiprocessing.active_children())
+        while True:
+            process = self._idle.pop() if self._idle else _process()
+            try:
+                future = process.submit(work, task)
+            except BrokenProcessPool:  # it ended while it had nothing to do
+                process.shutdown()
+                continue
+            self._children |= set(multiprocessing.active_children()) - others
+            return future, process
 
 
 def _process() -> ProcessPoolExecutor:
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent)
+    return ProcessPoolExecutor(1, mp_context=context, initializer=end_with_parent)
 
 
-def _end_with_parent() -> None:
-    """In a worker: a parent that is killed says nothing, and its workers would wait for ever."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
+def end_with_parent() -> None:
+    """In a process: a parent that is killed says nothing, and its children would work or wait for ever."""
+    if parent := multiprocessing.parent_process():
 
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
+        def follow() -> None:
+            parent.join()
+            os._exit(1)
 
-    threading.Thread(target=follow, daemon=True).start()
+        threading.Thread(target=follow, daemon=True).start()
 
 
 class _Cluster:

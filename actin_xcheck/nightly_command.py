@@ -1,11 +1,11 @@
 """`nightly`: the verification suite within a budget, kept, judged, and drawn on the dashboard."""
 
 import math
-import os
 import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,12 +17,16 @@ from actin_xcheck.answers import Answer, Json, say
 from actin_xcheck.charting.machine import reference_kernel
 from actin_xcheck.command_line import command, make_folder
 from actin_xcheck.errors import UserError
+from actin_xcheck.executors import executor, jobs_asked
+from actin_xcheck.faults.catalogue import FAULTS
+from actin_xcheck.faults.hunt import Caught
 from actin_xcheck.files import locked, replace_file
 from actin_xcheck.history.database import find_night, read_claims, read_nights, read_numbers
 from actin_xcheck.nightly.baseline import against
-from actin_xcheck.nightly.carry_out import work_through
+from actin_xcheck.nightly.carry_out import Work, carry_out, work_through
+from actin_xcheck.nightly.elsewhere import carry_out_elsewhere
 from actin_xcheck.nightly.groups import group_of
-from actin_xcheck.nightly.items import Checked, Item, night_long
+from actin_xcheck.nightly.items import Checked, Item, control, night_long
 from actin_xcheck.nightly.junit import junit
 from actin_xcheck.nightly.keep import (
     HISTORY,
@@ -103,6 +107,13 @@ def nightly_command(
         bool, typer.Option("--resume", help="Go on with the night that was interrupted.")
     ] = False,
     jobs: Annotated[int | None, typer.Option(help="Processes; default: one a core.", min=1)] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a dask.distributed scheduler, in place of --jobs; its workers share the folder, "
+            "and costs are measured here."
+        ),
+    ] = None,
     fault: Annotated[
         str | None, typer.Option(help="Switch a deliberate fault on, to see the lights turn red.")
     ] = None,
@@ -116,7 +127,7 @@ def nightly_command(
     and times: first what failed last, then what is cheapest.  Exit code 0 when all is green, 1 when not, 2
     for a mistake in what was asked.  A night with a deliberate fault is no part of the history.
     """
-    history = out_dir / HISTORY
+    history, count = out_dir / HISTORY, jobs_asked(jobs, scheduler)
     if resume and (only or failed or fault or baseline):
         raise UserError(
             "--resume: goes on with what the night was begun with; "
@@ -131,8 +142,10 @@ def nightly_command(
     if baseline:
         find_night(read_nights(history), baseline)
     begun_at = time.time()
-    folder = unfinished(out_dir).folder if resume else new_folder(out_dir, datetime.now(UTC))
-    with locked(folder / FILE_NAME):
+    with ExitStack() as opened:
+        processes = opened.enter_context(executor(count, scheduler))  # before there is a folder
+        folder = unfinished(out_dir).folder if resume else new_folder(out_dir, datetime.now(UTC))
+        opened.enter_context(locked(folder / FILE_NAME))
         journal = Journal(folder / FILE_NAME)
         if resume:
             kept = read_night(folder)
@@ -144,14 +157,18 @@ def nightly_command(
         minutes = budget or kept.begun.minutes
         spent = 0.0 if budget else kept.seconds
         deadline = begun_at + 60 * minutes * (1 - PAGES) - spent
+        work: Work = carry_out
+        if scheduler:
+            work, kept = carry_out_elsewhere, replace(kept, folder=folder.resolve())
         with Progress(quiet) as progress:
             over, left_out = work_through(
-                plan, kept, journal, known, jobs or os.cpu_count() or 1, deadline, progress.report
+                plan, kept, journal, known, processes, work, deadline, progress.report
             )
         kept = replace(kept, done=tuple(over), left_out=tuple(left_out))
-        if kept.begun.baseline and (found := _against(history, kept)):
-            journal.keep(found, kept.seconds + time.time() - begun_at)
-            kept = replace(kept, done=(*kept.done, found))
+        for found in (_against(history, kept), _missed(kept)):
+            if found:
+                journal.keep(found, kept.seconds + time.time() - begun_at)
+                kept = replace(kept, done=(*kept.done, found))
         kept = replace(kept, seconds=kept.seconds + time.time() - begun_at)
         if not kept.begun.fault:
             remember(history, kept)
@@ -219,15 +236,25 @@ def _same_code(kept: Kept) -> None:
 
 
 def _against(history: Path, kept: Kept) -> Done | None:
-    """The comparison with the baseline, as a check of its own."""
+    """The comparison with the baseline, as a check of its own; None without one, or where it was made."""
+    if not kept.begun.baseline or any(one.name.startswith("baseline ") for one in kept.done):
+        return None
     began = time.perf_counter()
     night = find_night(read_nights(history), kept.begun.baseline).night
     old = read_numbers(history, night.name), read_claims(history, night.name)
     new = list(numbers_of(kept)), {one.key: one for one in judged_in(kept.done)}
     claims = tuple(against(night, old, new))
-    if any(one.name.startswith("baseline ") for one in kept.done):
-        return None
     return Done(f"baseline {night.name}", claims, ("",) * len(claims), (), time.perf_counter() - began)
+
+
+def _missed(kept: Kept) -> Done | None:
+    """A deliberate fault with which all stayed green, as a control that fails; None without one."""
+    if not kept.begun.fault or any(one.red for one in kept.done):
+        return None
+    passed = tuple(one.name for one in kept.done)
+    why = f"missed: none of the night's {len(passed)} checks turned red"
+    claim = control(Caught(FAULTS[kept.begun.fault], "", None, 0, passed, 0.0, why))
+    return Done(f"fault {kept.begun.fault}", (claim,), ("",), (), 0.0)
 
 
 def _answer(kept: Kept, page: Path) -> NightAnswer:

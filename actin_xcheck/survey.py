@@ -7,6 +7,7 @@ import typer
 
 from actin_xcheck.answers import Json, ReportAnswer, conclude
 from actin_xcheck.command_line import command, make_folder, report_folder
+from actin_xcheck.executors import jobs_asked
 from actin_xcheck.frontier.examine import examine
 from actin_xcheck.frontier.planes import PLANES, check, plane_of
 from actin_xcheck.progress import Progress
@@ -25,6 +26,12 @@ def frontier_command(
     ] = None,
     method: Annotated[list[str] | None, typer.Option(help="May be given more than once.")] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, max=1024)
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask.distributed scheduler, in place of --jobs.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
     json: Json = False,
 ) -> None:
@@ -34,6 +41,7 @@ def frontier_command(
     dt with the article's scheme, the best finite elements and the finite volumes.  Given an interrupted
     report's folder, it goes on there.
     """
+    processes = jobs_asked(jobs, scheduler)
     loaded = load_scene(scene)
     check(loaded)
     methods = [find_method(name) for name in dict.fromkeys(method or DEFAULT_METHODS)]
@@ -43,7 +51,7 @@ def frontier_command(
     folder = report_folder(out_dir, "frontier")
     make_folder(folder)
     with Progress(quiet) as progress:
-        maps = examine(loaded, methods, planes, folder, command(), progress.report)
+        maps = examine(loaded, methods, planes, folder, command(), processes, scheduler, progress.report)
     findings = tuple(f"{one.method} over ({one.plane.name}): {one.words}" for one in maps)
     page = write_frontier_page(folder)
     conclude(ReportAnswer(command="frontier", page=str(page), findings=findings), "", json)

@@ -1,6 +1,5 @@
 """`sweep`: thousands of runs over ranges, on this machine or on a cluster."""
 
-import os
 from collections import Counter
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +8,7 @@ import typer
 
 from actin_xcheck.answers import Json, SweepAnswer, say
 from actin_xcheck.command_line import command, make_folder, report_folder
-from actin_xcheck.errors import UserError
+from actin_xcheck.executors import jobs_asked
 from actin_xcheck.fidelity import Fidelity
 from actin_xcheck.progress import Progress
 from actin_xcheck.result import Ending
@@ -28,7 +27,10 @@ def sweep_command(
         int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, max=1024)
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of a dask.distributed scheduler, in place of --jobs.")
+        str | None,
+        typer.Option(
+            help="Address of a dask.distributed scheduler, in place of --jobs; its workers share the folder."
+        ),
     ] = None,
     refine: Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers.", min=1, max=10)] = None,
     dt: Annotated[float | None, typer.Option(help="Largest time step.", min=1e-12)] = None,
@@ -48,14 +50,13 @@ def sweep_command(
     row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for a mistake in what was
     asked.
     """
-    if jobs is not None and scheduler is not None:
-        raise UserError("--jobs: not with --scheduler, which has its own workers; valid: one of the two")
+    processes = jobs_asked(jobs, scheduler)
     numerics = Numerics(method[0], refine, dt, rtol, fidelity)
     folder = report_folder(out_dir, "sweep")
     planned = plan(file, method, numerics, folder, command())
     make_folder(folder)
     with Progress(quiet) as progress:
-        table, made = carry_out(planned, jobs or os.cpu_count() or 1, scheduler, progress.report)
+        table, made = carry_out(planned, processes, scheduler, progress.report)
     answer = _answer(table, made)
     if json:
         say(answer)

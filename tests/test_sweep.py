@@ -1,12 +1,10 @@
 """Sweeps: what a file asks for, that nothing is run twice, and that a lost process costs its own run only."""
 
-import json
+import os
+import signal
 import subprocess
 import sys
-import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +21,8 @@ from actin_xcheck.scene import load_scene
 from actin_xcheck.sweeping.plan import points_of
 from actin_xcheck.sweeping.table import read_table
 from actin_xcheck.sweeping.task import LOG, Numerics, Task, finished, work
-from tests.ending import killed, raises
+from tests.ending import killed, process, raises
+from tests.processes import cluster, wait_until
 from tests.test_cli import cli, one_line
 from tests.test_tools import command  # noqa: F401  a fixture
 
@@ -250,6 +249,18 @@ def test_a_process_that_is_killed_costs_its_own_task_only(tmp_path: Path) -> Non
     assert begun == {"0": 1, "1": 2, "2": 1, "3": ATTEMPTS, "4": 1, "5": 1}
 
 
+def test_processes_serve_all_that_is_asked_of_them_and_one_that_ended_idle_is_replaced() -> None:
+    with executor(2) as processes:
+        first = {pid for _, pid in processes.results(process, range(8))}
+        assert len(first) <= 2
+        again = [pid for _, pid in processes.results(process, [0])]
+        assert first.issuperset(again)
+        os.kill(again[0], signal.SIGKILL)
+        wait_until(lambda: not Path(f"/proc/{again[0]}/exe").exists(), 10)
+        ((_, other),) = processes.results(process, [0])
+        assert other != again[0]
+
+
 def test_what_a_task_raises_is_raised_here(tmp_path: Path) -> None:
     with executor(1) as processes, pytest.raises(ValueError, match="task 0"):
         list(processes.results(raises, [0, 1]))
@@ -276,38 +287,6 @@ def test_the_processes_of_a_killed_sweep_end_with_it(tmp_path: Path) -> None:
     sweep.kill()
     sweep.wait()
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), 30)
-
-
-def wait_until(condition, seconds: float) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.05)
-
-
-@contextmanager
-def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
-    """A scheduler and workers, in processes of their own: nothing starts a lost one again."""
-    address = folder / "scheduler.json"
-    dask = [sys.executable, "-m", "dask"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
-    here = ["--scheduler-file", str(address), "--no-dashboard"]
-    processes = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *here], **quiet)]
-    try:
-        wait_until(address.exists, 60)
-        alone = ["--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
-        processes += [subprocess.Popen([*dask, "worker", *here, *alone], **quiet) for _ in range(workers)]
-        from distributed import Client
-
-        found = json.loads(address.read_text())["address"]
-        if workers:
-            with Client(found, set_as_default=False) as client:
-                client.wait_for_workers(workers, timeout=60)
-        yield found, processes
-    finally:
-        for process in reversed(processes):
-            process.kill()
-            process.wait()
 
 
 MANY = """

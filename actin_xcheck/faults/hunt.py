@@ -18,7 +18,7 @@ from actin_xcheck.faults.fault import ControlError, Fault, injected, watched
 from actin_xcheck.workers import Report, work_off
 
 CLEAR = 2.0
-"""By how many bounds a claim must fail for the hunt to end; for less it looks for a clearer one."""
+"""By how many bounds a claim must fail for the hunt to end; for less, or without a number, it looks on."""
 
 
 @dataclass(frozen=True)
@@ -155,15 +155,20 @@ def held_against(task: tuple[Fault, list[Check]], report: Report) -> Caught:
             passed.append(check.name)
         elif best is None or best.claim is None or _excess(red[0]) > _excess(best.claim):
             best = Caught(fault, check.name, red[0], len(red) - 1, (), 0.0)
-        if red and _excess(red[0]) >= CLEAR:
+        if red and _excess(red[0]) >= (True, CLEAR):
             break
     report(fault.name, 1, 1)
     best = best or Caught(fault, "", None, 0, (), 0.0, trouble)
     return replace(best, passed=tuple(passed), seconds=time.perf_counter() - began)
 
 
-def _excess(claim: Claim) -> float:
-    """The value in bounds; infinite where there is none."""
-    if not np.isfinite(claim.value) or claim.bound == 0:
-        return np.inf
-    return claim.value / claim.bound
+def _excess(claim: Claim) -> tuple[bool, float]:
+    """By how much a claim fails: a claim without a number last, which says only that something broke.
+
+    Returns
+    -------
+    Whether its value is a number, and that value in bounds; infinite where the bound is 0.
+    """
+    if not np.isfinite(claim.value):
+        return False, 0.0
+    return True, claim.value / claim.bound if claim.bound else np.inf

@@ -89,6 +89,12 @@ class Truth:
         return ended and self.uncertainty <= TRUTH_MOST * self.bound
 
 
+def lost(why: str) -> Answer:
+    """The answer of a run whose process ended under it: a failure of which nothing else is known."""
+    nan = float("nan")
+    return Answer(str(Ending.INTERRUPTED), why, nan, nan, nan, (), (), nan)
+
+
 ERRORS = ("area", "total_actin", "a", "x")
 """Kinds of errors: relative for integrals, root mean square over the cloud for concentrations (relative) and
 positions (in radii of the disk)."""

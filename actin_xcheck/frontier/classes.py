@@ -1,5 +1,6 @@
 """What a run is worth, held against the truth: accurate, silently wrong, failed, or ending with the model."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -64,7 +65,7 @@ def judge(point: Point, answer: Answer, truth: Truth) -> Judged:
     """Hold a run against the truth at its psi and p."""
     ending, reference = "" if answer.completed else answer.ending, truth.answer
     if not truth.known:
-        sentence = f"the truth is not known here: {_unknown(truth)}"
+        sentence = f"the truth is not known here: {why_unknown(truth)}"
         return Judged(Kind.UNKNOWN, "", _NO_ERRORS, sentence)
     if reference.completed and answer.completed:
         errors = errors_between(answer, reference)
@@ -81,8 +82,9 @@ def judge(point: Point, answer: Answer, truth: Truth) -> Judged:
     if not reference.completed and _ends_with(point, answer, reference):
         sentence = f"ends with the model, whose end is t = {reference.t:.4g}: {answer.message}"
         return Judged(Kind.ENDS, "", _NO_ERRORS, sentence)
+    at = f" at t = {answer.t:.4g}" if math.isfinite(answer.t) else ""  # of a lost process nobody knows
     beside = "" if reference.completed else f", while the model ends at t = {reference.t:.4g}"
-    sentence = f"{ending} at t = {answer.t:.4g}{beside}: {answer.message}"
+    sentence = f"{ending}{at}{beside}: {answer.message}"
     return Judged(Kind.FAILED, ending, _NO_ERRORS, sentence)
 
 
@@ -93,7 +95,8 @@ def _ends_with(point: Point, answer: Answer, reference: Answer) -> bool:
     return near and answer.ending == Ending.SINGULAR_DILATION
 
 
-def _unknown(truth: Truth) -> str:
+def why_unknown(truth: Truth) -> str:
+    """In words, of a truth that is not known."""
     if truth.answer.ending not in (Ending.COMPLETED, Ending.SINGULAR_DILATION):
         return f"the converged run ends with {truth.answer.ending}: {truth.answer.message}"
     if truth.uncertainty != truth.uncertainty:

@@ -1,4 +1,4 @@
-"""Frontiers at work: ask for points until borders are found, run them on all cores, write what was found."""
+"""Frontiers at work: ask for points until borders are found, have them run, write what was found."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -7,22 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from actin_xcheck.executors import Executor, Lost, executor
 from actin_xcheck.exhibits import Chapter, Line, Plot
 from actin_xcheck.files import replace_file
 from actin_xcheck.frontier.answers import BOUND, ERRORS, TIME_BOUND, Answer, Truth
 from actin_xcheck.frontier.bisection import Bisection, Node
-from actin_xcheck.frontier.classes import NOT_RUN, Judged, judge
+from actin_xcheck.frontier.classes import NOT_RUN, Judged, judge, why_unknown
 from actin_xcheck.frontier.journal import FILE_NAME as JOURNAL_NAME
 from actin_xcheck.frontier.journal import Journal
 from actin_xcheck.frontier.limits import lines_of, theory_chapter
 from actin_xcheck.frontier.planes import MOST_STEPS, Plane, Point, plane_of, point_of
 from actin_xcheck.frontier.record import FILE_NAME, Map, Row, write_frontier
 from actin_xcheck.frontier.words import words_of
-from actin_xcheck.frontier.works import Task, work
+from actin_xcheck.frontier.works import Task, without, work
 from actin_xcheck.registry import Method
+from actin_xcheck.same_code import code
 from actin_xcheck.scene import Scene
 from actin_xcheck.store import provenance
-from actin_xcheck.workers import Report, work_off
+from actin_xcheck.workers import Report
 
 LADDER = tuple(2**n for n in range(9))
 """Steps of the runs at the scene's own psi and p that show what a method answers."""
@@ -75,11 +77,14 @@ def examine(
     planes: Sequence[str],
     folder: Path,
     command: str,
+    jobs: int,
+    scheduler: str | None = None,
     report: Report = lambda label, done, total: None,
 ) -> list[Map]:
     """Find the borders of every method in every plane and write `folder/frontier.h5`.
 
-    Runs that an interrupted report left in the folder are kept, where the same code made them.
+    Runs that an interrupted report left in the folder are kept, where the same code made them.  One whose
+    process ended every time is a failure in the file, and is tried again when the report is asked for again.
 
     Parameters
     ----------
@@ -87,19 +92,21 @@ def examine(
     methods, planes : what to draw; names of `planes.PLANES`.
     folder : where files go; it exists.
     command : what makes the report again.
+    jobs, scheduler : see `executor`.
     report : told of progress, round by round.
     """
     journal, known = Journal(folder / JOURNAL_NAME, provenance()), _Known()
     studies = [_study(scene, method, name) for name in planes for method in methods]
     ladder = _ladder(scene, methods)
     wanted, turn = list(ladder), 0
-    while asked := [point for study in studies for point in study.ask()]:
-        turn += 1
-        wanted += [point for point in asked if point.within_budget]
-        _run(wanted, journal, known, f"round {turn}", report)
-        for study in studies:
-            study.tell(known)
-        wanted = []
+    with executor(jobs, scheduler) as processes:
+        while asked := [point for study in studies for point in study.ask()]:
+            turn += 1
+            wanted += [point for point in asked if point.within_budget]
+            _run(wanted, journal, known, processes, f"round {turn}", report)
+            for study in studies:
+                study.tell(known)
+            wanted = []
     _write_scenes(known.answers, folder)
     maps = [_map(study, known) for study in studies]
     chapters = [_answers(scene, methods, ladder, known), theory_chapter(scene, methods)]
@@ -122,7 +129,14 @@ def _study(scene: Scene, method: Method, name: str) -> _Study:
     return _Study(scene, method, plane, Bisection(len(x.values), len(y.values), x.stride, y.stride))
 
 
-def _run(points: Sequence[Point], journal: Journal, known: _Known, label: str, report: Report) -> None:
+def _run(
+    points: Sequence[Point],
+    journal: Journal,
+    known: _Known,
+    processes: Executor,
+    label: str,
+    report: Report,
+) -> None:
     """Run what is not known yet, points and the truths they are held against, and take all of it in."""
     new = [point for point in dict.fromkeys(points) if point not in known.answers]
     scenes = [text for text in dict.fromkeys(point.scene for point in new) if text not in known.truths]
@@ -131,25 +145,26 @@ def _run(points: Sequence[Point], journal: Journal, known: _Known, label: str, r
         if found := journal.answer(point):
             known.answers[point] = found
         else:
-            tasks.append(Task(point, journal))
+            tasks.append(Task(point, code()))
     for text in scenes:
         if truth := journal.truth(text):
             known.truths[text] = truth
         else:
-            tasks.append(Task(text, journal))
+            tasks.append(Task(text, code()))
     tasks.sort(key=lambda task: task.cost, reverse=True)
     whole, done = sum(task.cost for task in tasks), 0
-
-    def told(_: str, cost: int, __: int) -> None:
-        nonlocal done
-        done += cost
-        report(f"{label}, {len(tasks)} runs", done, whole)
-
-    for task, result in zip(tasks, work_off(work, tasks, told), strict=True):
+    for number, result in processes.results(work, tasks):
+        task = tasks[number]
+        if isinstance(result, Lost):
+            result = without(task, result)
+        else:
+            journal.keep(task.what, result)
         if isinstance(task.what, Point) and isinstance(result, Answer):
             known.answers[task.what] = result
         elif isinstance(task.what, str) and isinstance(result, Truth):
             known.truths[task.what] = result
+        done += task.cost
+        report(f"{label}, {len(tasks)} runs", done, whole)
 
 
 def _write_scenes(points: Iterable[Point], folder: Path) -> None:
@@ -203,6 +218,8 @@ def _answers(scene: Scene, methods: Sequence[Method], ladder: Sequence[Point], k
         across = np.array([lines[0].x.min(), lines[0].x.max()])
         lines.append(Line(f"converged, {truth.level}", across, np.full(2, truth.answer.area), guide=True))
         held = f"The converged run says {truth.answer.area:.5g}, to {truth.uncertainty:.1g}."
+    elif not truth.known:
+        held = f"The truth is not known: {why_unknown(truth)}."
     else:
         held = f"In the converged run the model ends at t = {truth.answer.t:.4g}: {truth.answer.message}."
     note = f"Area at the end, t = {scene.time.end:g}, by time step. {held} A gap is a run that fails."

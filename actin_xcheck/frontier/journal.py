@@ -1,7 +1,7 @@
-"""What has been run, kept as it comes: one row of a SQLite file each, written by whichever process ran it.
+"""What has been run, kept as it comes: one row of a SQLite file each, by the process that asked for it.
 
-A process that is killed loses the run it was in.  Rows are found by what was run and by which code: those of
-a checkout with changes, or of none, are not taken up again.
+One that is killed loses the runs that had not come in.  Rows are found by what was run and by which code:
+those of a checkout with changes, or of none, are not taken up again.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from actin_xcheck.frontier.planes import Point
 FILE_NAME = "points.sqlite"
 
 _TIMEOUT = 60.0
-"""Seconds to wait for another process that writes."""
+"""Seconds to wait for another report that writes into the same folder."""
 
 
 class Journal:
@@ -66,7 +66,7 @@ class Journal:
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
-        """A connection of this moment: processes share the file, and nothing else."""
+        """A connection of this moment: two reports in one folder share the file, and nothing else."""
         try:
             with closing(sqlite3.connect(self.path, timeout=_TIMEOUT)) as connection, connection:
                 yield connection

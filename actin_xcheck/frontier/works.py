@@ -1,12 +1,12 @@
-"""What a worker does: one run, kept in the journal as soon as it is over."""
+"""What a worker does: one run, whose answer goes back to the process that asked for it."""
 
 from dataclasses import dataclass
 
-from actin_xcheck.frontier.answers import Answer, Truth, answer_of, truth_of
-from actin_xcheck.frontier.journal import Journal
+from actin_xcheck.executors import Lost
+from actin_xcheck.frontier.answers import Answer, Truth, answer_of, lost, truth_of
 from actin_xcheck.frontier.planes import REFINE, Point
 from actin_xcheck.registry import find_method
-from actin_xcheck.workers import Report
+from actin_xcheck.same_code import ONE_AT_A_TIME, check_code
 
 _TRUTH = 200
 """Cost of a truth, in steps of the article's scheme on the standard mesh."""
@@ -14,10 +14,10 @@ _TRUTH = 200
 
 @dataclass(frozen=True)
 class Task:
-    """A point, or a scene (TOML) whose truth is wanted, and where the answer is kept."""
+    """A point, or a scene (TOML) whose truth is wanted, and the version of the code that asks."""
 
     what: Point | str
-    journal: Journal
+    code: str
 
     @property
     def cost(self) -> int:
@@ -29,9 +29,14 @@ class Task:
         return max(1, round(self.what.steps * per_step * cells * method.space**2))
 
 
-def work(task: Task, report: Report) -> Answer | Truth:
-    """Do a task, keep what was found and say so."""
-    found = truth_of(task.what) if isinstance(task.what, str) else answer_of(task.what)
-    task.journal.keep(task.what, found)
-    report("", task.cost, task.cost)
-    return found
+def work(task: Task) -> Answer | Truth:
+    """Do a task; UserError where this is not the code that asked for it."""
+    check_code(task.code)
+    with ONE_AT_A_TIME:
+        return truth_of(task.what) if isinstance(task.what, str) else answer_of(task.what)
+
+
+def without(task: Task, why: Lost) -> Answer | Truth:
+    """In place of what a task finds, where every process ended under it: a failure that says so."""
+    answer = lost(why.message)
+    return Truth(answer, "", float("nan")) if isinstance(task.what, str) else answer

@@ -33,7 +33,7 @@ def against(
     old, new : numbers and claims by key, of the earlier night and of this one.
 
     Numbers that only one of them has are not compared, nor are times and memory, which the history judges
-    over many nights.
+    over many nights.  Where nothing is left to compare, that is the one claim, and it fails.
     """
     before, after = ([*numbers, *_values(claims)] for numbers, claims in (old, new))
     common = {one.key for one in before} & {one.key for one in after}
@@ -46,11 +46,26 @@ def against(
         if not one.key.startswith("red/")
     ]
     compared = {kind: sum(one.kind is kind for one in after if one.key in common) for kind in _SAID}
+    if not any(compared.values()):
+        return [_nothing_in_common(night)]
     return [
         _claim(night, kind, [one for one in found if one.kind is kind and _worse(one)], compared[kind])
         for kind in _SAID
         if compared[kind]
     ]
+
+
+def _nothing_in_common(night: Night) -> Claim:
+    return Claim(
+        "baseline",
+        (),
+        "there are numbers to compare",
+        math.nan,
+        0.0,
+        f"python -m actin_xcheck diff {night.name} NIGHT",
+        f"{BASELINE}common",
+        f"nothing in common with {night.name}: no number that it has was found here",
+    )
 
 
 def _values(claims: Mapping[str, Judged]) -> list[Number]:

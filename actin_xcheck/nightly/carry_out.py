@@ -7,7 +7,7 @@ night goes on.  What is over is kept at once.
 import signal
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 from actin_xcheck.charting.alone import prepare, work_alone
 from actin_xcheck.charting.machine import forget_peak, peak_memory
 from actin_xcheck.counters import WORK
-from actin_xcheck.executors import Lost, executor
+from actin_xcheck.executors import Executor, Lost, end_with_parent, executor
 from actin_xcheck.faults.checks import QUIET
 from actin_xcheck.faults.fault import Calls
 from actin_xcheck.history.record import Kind, Number
@@ -26,6 +26,7 @@ from actin_xcheck.nightly.items import Checked, Control, Found, Item, NotDecided
 from actin_xcheck.nightly.plan import Past, Plan
 from actin_xcheck.nightly.record import Done, Journal, Kept, NotRun
 from actin_xcheck.registry import METHODS
+from actin_xcheck.same_code import code
 from actin_xcheck.workers import Report, in_turn
 
 PATIENCE = 10.0
@@ -54,6 +55,7 @@ class Task:
     night : folder of the night.
     expected : seconds that it will take.
     deadline : moment by which it must be over, in seconds since the epoch; inf without a limit.
+    code : version of the code that asks.
     fault : a deliberate fault to switch on; empty without.
     """
 
@@ -61,12 +63,17 @@ class Task:
     night: Path
     expected: float
     deadline: float
+    code: str
     fault: str = ""
 
     @property
     def folder(self) -> Path:
         """Where its files go."""
         return self.night / FOLDER / "".join(c if c.isalnum() or c in "-." else "_" for c in self.item.name)
+
+
+Work = Callable[[Task], Done | NotRun]
+"""What a process does with a check that it is given."""
 
 
 class _OutOfTime(BaseException):
@@ -121,6 +128,7 @@ def broken(name: str, trouble: str, seconds: float) -> Done:
 def _find(task: Task, report: Report) -> _Answer:
     """In the process: carry the check out and measure it."""
     found, trouble, undecided = None, "", ""
+    end_with_parent()
     WORK.clear()
     forget_peak()
     before, began = peak_memory(), time.perf_counter()
@@ -189,17 +197,24 @@ def _limited(seconds: float) -> Iterator[None]:
 
 
 def work_through(
-    plan: Plan, kept: Kept, journal: Journal, known: Past, jobs: int, deadline: float, report: Report
+    plan: Plan,
+    kept: Kept,
+    journal: Journal,
+    known: Past,
+    processes: Executor,
+    work: Work,
+    deadline: float,
+    report: Report,
 ) -> tuple[list[Done], list[NotRun]]:
     """Carry out what of a plan has not been yet, and keep it.
 
     Parameters
     ----------
-    plan : what to do: first its checks, then its costs one by one, then its controls.
+    plan : what to do: first its checks, then its costs one by one on this machine, then its controls.
     kept : the night as far as it has come.
     journal : where results go.
     known : what the past says of the checks' times.
-    jobs : processes.
+    processes, work : what has the processes for checks and controls, and what those do.
     deadline : moment of the budget's end, in seconds since the epoch.
     report : told how many are over.
 
@@ -210,29 +225,29 @@ def work_through(
     began, over, left_out = time.time() - kept.seconds, list(kept.done), list[NotRun]()
     total = len(plan.items)
 
-    def go_on(items: Sequence[Item], at_once: int) -> None:
+    def go_on(items: Sequence[Item], processes: Executor, work: Work) -> None:
         names = {one.name for one in over}
         tasks = [
-            Task(item, kept.folder, known.expected(item), deadline, kept.begun.fault)
+            Task(item, kept.folder, known.expected(item), deadline, code(), kept.begun.fault)
             for item in items
             if item.name not in names
         ]
-        with executor(at_once) as processes:
-            for number, result in processes.results(carry_out, tasks):
-                if isinstance(result, Lost):
-                    result = broken(tasks[number].item.name, result.message, np.nan)
-                if isinstance(result, Done):
-                    over.append(result)
-                    journal.keep(result, time.time() - began)
-                else:
-                    left_out.append(result)
-                report("night", len(over) + len(left_out), total)
+        for number, result in processes.results(work, tasks):
+            if isinstance(result, Lost):
+                result = broken(tasks[number].item.name, result.message, np.nan)
+            if isinstance(result, Done):
+                over.append(result)
+                journal.keep(result, time.time() - began)
+            else:
+                left_out.append(result)
+            report("night", len(over) + len(left_out), total)
 
-    go_on(plan.checks, jobs)
-    go_on(plan.costs, 1)
+    go_on(plan.checks, processes, work)
+    with executor(1) as alone:
+        go_on(plan.costs, alone, carry_out)
     controls, undecided = _controls(plan, over, left_out)
     left_out += undecided
-    go_on(sorted(controls, key=known.order), jobs)
+    go_on(sorted(controls, key=known.order), processes, work)
     return over, left_out
 
 

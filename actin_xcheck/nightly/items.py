@@ -131,15 +131,17 @@ class Control:
         caught: Caught = held_against((FAULTS[self.fault], list(self.checks)), QUIET)
         if not caught.caught and not self.whole:
             raise NotDecided(f"not caught by the {len(self.checks)} checks that were run before it")
-        return Found((_control(caught),), ("",))
+        return Found((control(caught),), ("",))
 
 
-def _control(caught: Caught) -> Claim:
+def control(caught: Caught) -> Claim:
     """Whether a fault was caught: the bound of the claim that failed by most, in parts of its value."""
     fault, claim, value, note = caught.fault, caught.claim, math.inf, caught.trouble
+    said = "bound over value of the claim that failed by most"
     if claim is not None:
-        finite = math.isfinite(claim.value) and claim.value > 0
-        value = claim.bound / claim.value if finite else 0.0
+        value = claim.bound / claim.value
+        if not math.isfinite(claim.value):
+            value, said = 1.0, "1, the worst of those that are caught: the claim that failed has no number"
         failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.value:.3g} > {claim.bound:.3g}"
         note = f"caught by {caught.check} ({failed})"
     elif not note:
@@ -152,7 +154,7 @@ def _control(caught: Caught) -> Claim:
         1.0,
         f"python -m actin_xcheck faults --only {fault.name}",
         f"{groups.FAULTS}{fault.name}",
-        f"{note}; value: bound over value of the claim that failed by most",
+        f"{note}; value: {said}",
     )
 
 

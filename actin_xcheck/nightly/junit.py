@@ -33,6 +33,7 @@ def _suite(root: ET.Element, done: Done, night: Kept) -> None:
         root, done.name, night, tests=len(verdicts), failures=verdicts.count("FAIL"),
         errors=verdicts.count("ERROR"), skipped=verdicts.count("NOT JUDGED"),
     )  # fmt: skip
+    suite.set("hostname", _clean({"at": done.host or night.begun.machine})["at"])
     suite.set("time", f"{done.seconds:.3f}")
     for claim, file in zip(done.claims, done.files, strict=True):
         name = f"{claim.scene} [{', '.join(claim.methods)}] {claim.statement}"

@@ -18,11 +18,17 @@ HISTORY = "history.sqlite"
 def new_folder(reports: Path, begun: datetime) -> Path:
     """Make the folder of a night, named by its date (UTC), with a number behind where that is taken.
 
-    UserError where it cannot be made.
+    By a folder that is there, or by a night of the history whose folder is not.  UserError where it cannot be
+    made.
     """
+    history = reports / HISTORY
+    taken = {one.night.name for one in read_nights(history)} if history.exists() else set()
     date, count = f"{begun.astimezone(UTC):%Y-%m-%d}", 1
     while True:
         folder = reports / (date if count == 1 else f"{date}-{count}")
+        if folder.name in taken:
+            count += 1
+            continue
         try:
             folder.mkdir(parents=True)
         except FileExistsError:

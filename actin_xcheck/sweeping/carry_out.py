@@ -7,9 +7,10 @@ from pathlib import Path
 from actin_xcheck.errors import UserError
 from actin_xcheck.executors import Lost, executor
 from actin_xcheck.registry import METHODS, find_method
+from actin_xcheck.same_code import code
 from actin_xcheck.sweeping.plan import Point, points_of
 from actin_xcheck.sweeping.table import SweepTable, table_of, write_table
-from actin_xcheck.sweeping.task import Numerics, Row, Task, code, failed, finished, work
+from actin_xcheck.sweeping.task import Numerics, Row, Task, failed, finished, work
 from actin_xcheck.workers import Report
 
 

@@ -4,12 +4,9 @@ import hashlib
 import json
 import os
 import socket
-import threading
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +17,9 @@ from actin_xcheck.fidelity import Fidelity, reduced
 from actin_xcheck.registry import find_method
 from actin_xcheck.result import Ending
 from actin_xcheck.runs import numerics, run
+from actin_xcheck.same_code import ONE_AT_A_TIME, check_code
 from actin_xcheck.scene import parse_scene
-from actin_xcheck.store import PACKAGES, provenance, reading
+from actin_xcheck.store import reading
 
 ERROR = "error"
 """In place of an Ending, where there is no run: an exception, or a process that ended, every time."""
@@ -31,9 +29,6 @@ LOG = "starts.log"
 
 Row = Mapping[str, str | float]
 """What a sweep's table holds of a run, by column."""
-
-_ONE_AT_A_TIME = threading.Lock()
-"""A cluster's worker may have threads; solvers share caches, warnings and HDF5 in a process."""
 
 
 @dataclass(frozen=True)
@@ -75,36 +70,13 @@ class Task:
         numerics(parse_scene(self.text, self.origin), self.numerics.refine, self.numerics.dt)
 
 
-@cache
-def code() -> str:
-    """The version of the code: a digest of its sources and of the versions of the libraries under it.
-
-    Of the sources, because a checkout with changes is a version too, and an installed copy has no commit.
-    """
-    digest = hashlib.sha256()
-    versions = provenance()
-    digest.update(json.dumps({name.lower(): versions[name.lower()] for name in PACKAGES}).encode())
-    for package in ("actin_xcheck", "fem", "fv"):
-        spec = find_spec(package)
-        for root in sorted(spec.submodule_search_locations or ()) if spec else ():
-            for source in sorted(Path(root).rglob("*.py")):
-                digest.update(source.relative_to(root).as_posix().encode())
-                digest.update(source.read_bytes())
-    return digest.hexdigest()
-
-
 def work(task: Task) -> Row:
     """In a worker: make the run, unless its file is there, and return its row.
 
     UserError where the worker's code is not the one that the sweep was asked of.
     """
-    if code() != task.code:  # for all runs: a row that fails so fast would take the others' place
-        here = socket.gethostname()
-        raise UserError(
-            f"the worker {os.getpid()} on {here} has another version of the code; valid: workers started "
-            "after the last change to it, from the same sources and libraries"
-        )
-    with _ONE_AT_A_TIME:
+    check_code(task.code)
+    with ONE_AT_A_TIME:
         try:
             if found := finished(task.path):  # by a worker that was lost before it could say so
                 return found
