@@ -2,22 +2,24 @@
 
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from actin_xcheck.charting.record import FILE_NAME as CHART_FILE
 from actin_xcheck.claims import Claim
 from actin_xcheck.errors import UserError
 from actin_xcheck.history.record import Kind, Night, Number, Series
 from actin_xcheck.nightly.carry_out import broken
 from actin_xcheck.nightly.keep import HISTORY, remember
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, NotRun, read_night
-from actin_xcheck.report import write_dashboard, write_night_page
+from actin_xcheck.report import write_dashboard, write_night_page, write_report
 from actin_xcheck.report.sparkline import lights, sparkline
 from tests.lab import FEM, FV
-from tests.test_report import CHROMIUM, SCRIPT, Browser, Tags
+from tests.test_report import CHROMIUM, SCRIPT, Browser, Tags, write_comparison_of_everything
 
 NIGHTS = 9
 CHECKS = (
@@ -142,6 +144,32 @@ def test_links_between_pages_lead_somewhere(reports: Path, last: Path) -> None:
                 found = page.parent / target
                 assert found.is_file(), link
                 assert not anchor or f'id="{anchor}"' in found.read_text()
+
+
+def test_scenes_are_a_click_from_night_and_dashboard(reports: Path, last: Path, tmp_path: Path) -> None:
+    shutil.copytree(last.parent, tmp_path / last.parent.name)
+    shutil.copy(reports / HISTORY, tmp_path / HISTORY)
+    night = tmp_path / last.parent.name
+    (night / "checks").mkdir()
+    write_comparison_of_everything(night / "checks", refine=2)
+    write_report(night / "checks")
+    (tmp_path / "chart-1").mkdir()
+    for name in (CHART_FILE, "index.html"):
+        (tmp_path / "chart-1" / name).touch()
+    page = write_night_page(night)
+    tags = Tags(page)
+    scene = "checks/index.html"
+    assert tags.attributes("a", "href").count(scene) > len(CHECKS)
+    assert "../chart-1/index.html" in tags.attributes("a", "href")
+    pictures = tags.attributes("img", "alt")
+    assert len(pictures) == len(CHECKS) - 1  # one broke down, and has no folder
+    assert all(alt and alt.startswith("a of f") for alt in pictures)
+    links = Tags(write_dashboard(tmp_path)).attributes("a", "href")
+    assert f"{night.name}/{scene}" in links
+    assert "chart-1/index.html" in links
+    assert page.stat().st_size < 200_000
+    (night / "checks" / "0.vtkhdf").unlink()  # without its runs a page has no picture
+    assert not Tags(write_night_page(night)).attributes("img", "alt")
 
 
 def test_tables_have_heads_for_those_who_cannot_see_them(reports: Path, last: Path) -> None:

@@ -109,9 +109,9 @@ def _in_words(low: float, high: float) -> str:
 class Canvas:
     """One picture in the making; what shows a value goes on `axes`."""
 
-    def __init__(self, shown: Window) -> None:
+    def __init__(self, shown: Window, dpi: int = _DPI) -> None:
         (left, bottom), (right, top) = shown
-        self._figure = Figure((_WIDTH, _WIDTH * (top - bottom) / (right - left)), _DPI, facecolor="none")
+        self._figure = Figure((_WIDTH, _WIDTH * (top - bottom) / (right - left)), dpi, facecolor="none")
         self.axes: Axes = self._figure.add_axes((0, 0, 1, 1), xlim=(left, right), ylim=(bottom, top))
         self.axes.set_autoscale_on(False)
         self.axes.set_axis_off()
@@ -126,13 +126,13 @@ class Canvas:
 class Brush:
     """Draws cells of one triangulation (3, n_cells) in one window, over a dotted outline (2, n)."""
 
-    def __init__(self, triangles: Indices, outline: Array, shown: Window) -> None:
+    def __init__(self, triangles: Indices, outline: Array, shown: Window, dpi: int = _DPI) -> None:
         self._triangles, self._rim = triangles, closed_rim(triangles)
-        self._outline, self._window = outline, shown
+        self._outline, self._window, self._dpi = outline, shown, dpi
 
     def panel(self, what: str, x: Array, values: Array, scale: Colours) -> Panel:
         """Draw a cell with node positions x (2, N) and values on triangles (n_cells,)."""
-        canvas = Canvas(self._window)
+        canvas = Canvas(self._window, self._dpi)
         # Without antialiasing neighbours leave no seams; the rim drawn over them smooths the outline.
         cells = dict(facecolors=values, cmap=scale.name, norm=Normalize(scale.low, scale.high))
         canvas.axes.tripcolor(*x, self._triangles.T, antialiased=False, **cells)

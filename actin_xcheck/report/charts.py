@@ -27,13 +27,14 @@ class Chart:
 
 @dataclass(frozen=True)
 class _Quantity:
-    """What a chart shows: series of `/run/series`, or components of one, and the dash each is drawn with."""
+    """What a chart shows: series of `/run/series`, or components of one; `names` tell its lines apart."""
 
     title: str
     note: str
     series: tuple[str, ...]
     component: tuple[int, ...] = ()
     log: bool = False
+    names: tuple[str, ...] = ("", "")
 
     def lines(self, run: Run) -> list[Array]:
         """Return the lines (n,) of one run."""
@@ -45,14 +46,18 @@ class _Quantity:
 _QUANTITIES = (
     _Quantity("Area |Ω|", "", ("area",)),
     _Quantity("Polarity", "minor over major axis of the smallest ellipse around the rim", ("polarity",)),
-    _Quantity("Centroid", "x solid, y dashed", ("centroid",), component=(0, 1)),
-    _Quantity("Extrema of a", "largest solid, smallest dashed", ("a_max", "a_min")),
+    _Quantity("Centroid", "x solid, y dashed", ("centroid",), component=(0, 1), names=(" x", " y")),
+    _Quantity(
+        "Extrema of a", "largest solid, smallest dashed", ("a_max", "a_min"), names=(" largest", " smallest")
+    ),
     _Quantity("Total actin ∫a", "", ("total_actin",)),
     _Quantity("|Balance residual|", "of total actin, relative, per step", ("balance_residual",), log=True),
 )
 _GROWTH = _Quantity("Mode amplitude", "predicted growth dotted", ("mode_amplitude",), log=True)
 _GAUGED = (
-    _Quantity("Net force", "that the gauge carries; x solid, y dashed", ("net_force",), component=(0, 1)),
+    _Quantity(
+        "Net force", "that the gauge carries; x solid, y dashed", ("net_force",), (0, 1), names=(" x", " y")
+    ),
     _Quantity("Net torque", "that the gauge carries, about the centroid", ("net_torque",)),
 )
 _DASHES = ("-", (0, (4, 2)))
@@ -77,9 +82,12 @@ def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
         if not all(name in run.series for name in quantity.series):
             continue
         time = run.series["time"]
-        for values, dash in zip(quantity.lines(run), _DASHES, strict=False):
+        method = run.attributes["method_name"]
+        for values, dash, name in zip(quantity.lines(run), _DASHES, quantity.names, strict=False):
             shown = np.clip(np.abs(values), _ROUND_OFF, None) if quantity.log else values
-            axes.plot(time, shown, color=style.colour, linewidth=style.width, linestyle=dash)
+            axes.plot(
+                time, shown, color=style.colour, linewidth=style.width, linestyle=dash, label=method + name
+            )
             if run.attributes["outcome"] != "completed":
                 axes.plot(time[-1:], shown[-1:], "x", color=style.colour, markersize=7, markeredgewidth=2)
         if quantity is _GROWTH and "growth_rate_predicted" in run.attributes:
@@ -99,5 +107,6 @@ def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
 def _predict(axes: Axes, time: Array, amplitude: Array, rate: float) -> None:
     """Draw exp(rate t) through the first amplitude."""
     axes.plot(
-        time, amplitude[0] * np.exp(rate * time), color=INK, linewidth=1.1, linestyle=(0, (1, 2.2)), zorder=3
-    )
+        time, amplitude[0] * np.exp(rate * time), color=INK, linewidth=1.1, linestyle=(0, (1, 2.2)), zorder=3,
+        label="predicted",
+    )  # fmt: skip

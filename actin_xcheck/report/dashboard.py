@@ -7,21 +7,34 @@ from pathlib import Path
 
 from jinja2 import Environment
 
+from actin_xcheck.charting import record as charting
 from actin_xcheck.claims import Claim
+from actin_xcheck.errors import UserError
 from actin_xcheck.faults.catalogue import FAULTS
+from actin_xcheck.frontier import record as frontier
 from actin_xcheck.history.database import Counted, read_claims, read_nights, read_series
 from actin_xcheck.history.record import Judged, Kind, Series
 from actin_xcheck.history.steps import events
 from actin_xcheck.nightly.groups import Group, group_of
 from actin_xcheck.nightly.keep import HISTORY, nights_in
 from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, read_night
+from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, span, window
 from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.film import on_triangles
 from actin_xcheck.report.page import write_report
 from actin_xcheck.report.sparkline import SHOWN, lights, sparkline
+from actin_xcheck.store import read_comparison
 from actin_xcheck.workers import Report, work_off
 
 EVENTS = 60
 """Changes on the page at most; `history --steps` has them all."""
+
+
+THUMBNAIL = 60
+"""Dots per inch of a scene's picture on the page of a night, twice fewer than in its film strip."""
+
+_SURVEYS = {"Error against work": charting.FILE_NAME, "Where methods fail": frontier.FILE_NAME}
+"""Reports that stand beside the nights, by the file each is made from."""
 
 
 @dataclass(frozen=True)
@@ -95,15 +108,53 @@ def write_night_page(folder: Path) -> Path:
         verdicts=Counter(claim.verdict for claim in night.claims),
         fault=FAULTS.get(night.begun.fault),
         called=sum(night.begun.fault in done.reached for done in night.done),
-        pages={done.name: f"{done.folder}/index.html" for done in night.done if _has_page(folder, done)},
+        pages=_pages(night),
+        scenes=[(done, page, _thumbnail(folder / done.folder)) for done, page in _scenes(night)],
+        surveys=_surveys(folder.parent, "../"),
         numbers={done.name: _by_use(done) for done in night.done},
         file=folder / FILE_NAME,
     )  # fmt: skip
     return put_page(folder, text)
 
 
-def _has_page(folder: Path, done: Done) -> bool:
-    return bool(done.folder) and (folder / done.folder / "index.html").exists()
+def _pages(night: Kept) -> dict[str, str]:
+    """Pages of their own that checks have, from the night's folder."""
+    return {
+        done.name: f"{done.folder}/index.html"
+        for done in night.done
+        if done.folder and (night.folder / done.folder / "index.html").exists()
+    }
+
+
+def _scenes(night: Kept) -> list[tuple[Done, str]]:
+    """The comparisons of a night that have a page, with its place."""
+    pages = _pages(night)
+    compared = [done for done in night.done if (night.folder / done.folder / "comparison.h5").exists()]
+    return [(done, pages[done.name]) for done in compared if done.name in pages]
+
+
+def _thumbnail(folder: Path) -> Panel | None:
+    """The cell of a comparison's first run in the end; None where its files are gone."""
+    try:
+        run = next(iter(read_comparison(folder / "comparison.h5").runs.values()))
+    except UserError:
+        return None
+    x, values = run.points[-1], on_triangles(run, len(run.times) - 1)
+    outline = run.xi[:, closed_rim(run.triangles)]
+    brush = Brush(run.triangles, outline, window([x, outline]), THUMBNAIL)
+    what = f"a of {run.attributes['method_name']} at t = {run.times[-1]:.4g}"
+    return brush.panel(what, x, values, Colours(SEQUENTIAL, *span([values])))
+
+
+def _surveys(reports: Path, to: str) -> list[tuple[str, str, str]]:
+    """The newest report of each kind that stands beside the nights: what it says, its folder, its page."""
+    found = []
+    for words, name in _SURVEYS.items():
+        made = [file for file in reports.glob(f"*/{name}") if (file.parent / "index.html").exists()]
+        if made:
+            newest = max(made, key=lambda file: file.stat().st_mtime).parent.name
+            found.append((words, newest, f"{to}{newest}/index.html"))
+    return found
 
 
 def _by_use(done: Done) -> dict[str, float]:
@@ -138,6 +189,8 @@ def write_dashboard(reports: Path) -> Path:
         nights=_nights(counted, folders),
         folders=folders,
         anchors=_anchors(folders[last.night.name]) if last and last.night.name in folders else {},
+        films=_films(folders[last.night.name]) if last and last.night.name in folders else {},
+        surveys=_surveys(reports, ""),
     )  # fmt: skip
     return put_page(reports, text)
 
@@ -273,3 +326,8 @@ def _anchors(kept: Kept) -> dict[str, str]:
     return {
         done.name: f"{kept.folder.name}/index.html#check-{number}" for number, done in enumerate(kept.done, 1)
     }
+
+
+def _films(kept: Kept) -> dict[str, str]:
+    """Where the films of a night's comparisons are."""
+    return {done.name: f"{kept.folder.name}/{page}" for done, page in _scenes(kept)}

@@ -3,9 +3,11 @@
 import json
 import math
 import os
+from importlib.resources import files
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from actin_xcheck.files import replace_file
 
@@ -14,6 +16,7 @@ def environment(folder: Path) -> Environment:
     """Return the environment of a page that will stand in `folder`: escapes everything, defaults nothing.
 
     Filters: `number` (three digits), `link` (a path relative to the page), `from_json`.
+    Function: `static` (the text of a script or style sheet of ours, for it is part of the page).
     """
     made = Environment(
         loader=PackageLoader("actin_xcheck.report"),
@@ -25,7 +28,13 @@ def environment(folder: Path) -> Environment:
     made.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
     made.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
     made.filters["from_json"] = json.loads
+    made.globals["static"] = _static
     return made
+
+
+def _static(name: str) -> Markup:
+    """A file of `static/` as it is."""
+    return Markup((files("actin_xcheck.report") / "static" / name).read_text(encoding="utf-8"))
 
 
 def put_page(folder: Path, text: str) -> Path:

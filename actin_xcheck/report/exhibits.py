@@ -129,12 +129,15 @@ def _label_decades(axes: Axes) -> None:
 def _line(axes: Axes, line: Line, style: Style, marker: str) -> Key:
     """Draw a line with a marker at its points, or none, and return its entry in the legend."""
     if line.points:
-        axes.plot(line.x, line.y, "o", color=style.colour, markersize=4)
+        axes.plot(line.x, line.y, "o", color=style.colour, markersize=4, label=line.label)
         return Key(line.label, style.colour, style.width, "dot")
     if line.guide:
-        axes.plot(line.x, line.y, color=INK, linewidth=1, linestyle=(0, (1, 2.2)))
+        axes.plot(line.x, line.y, color=INK, linewidth=1, linestyle=(0, (1, 2.2)), label=line.label)
         return Key(line.label, "currentColor", 1.5, "guide")
-    axes.plot(line.x, line.y, color=style.colour, linewidth=style.width, marker=marker, markersize=3.5)
+    axes.plot(
+        line.x, line.y, color=style.colour, linewidth=style.width, marker=marker, markersize=3.5,
+        label=line.label,
+    )  # fmt: skip
     return Key(line.label, style.colour, style.width)
 
 

@@ -34,12 +34,20 @@ class Row:
 
 @dataclass(frozen=True)
 class FilmStrip:
-    """Rows of pictures at common times, with one colour bar for a and one for the differences."""
+    """Rows of pictures at common times, with one colour bar for a and one for the differences.
+
+    Attributes
+    ----------
+    shown, scale : the window and the colours of a, over all output times and not those of the columns alone.
+    clipped : whether a failed run goes beyond the colours.
+    """
 
     times: tuple[float, ...]
     rows: tuple[Row, ...]
     bars: tuple[ColourBar, ...]
     clipped: bool
+    shown: Window
+    scale: Colours
 
 
 def film_strip(runs: Sequence[Run]) -> FilmStrip:
@@ -47,59 +55,61 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
 
     The colours span what the completed runs reach: a run on its way to a singularity must not wash them out.
     """
-    times = _columns(runs)
+    every = common_times(runs)
+    columns = _columns(runs, every)
     named = {run.attributes["method_name"]: run for run in runs}
-    shots = {name: _shots(run, times) for name, run in named.items()}
+    shots = {name: _shots(run, every) for name, run in named.items()}
     shown = window([x for row in shots.values() for x, _ in filter(None, row)] + [runs[0].xi])
     brushes = {name: _brush(run, shown) for name, run in named.items()}
+
+    def row(label: str, brush: str, what: str, shots: list[Shot], scale: Colours) -> Row:
+        times, chosen = [every[i] for i in columns], [shots[i] for i in columns]
+        return Row(label, what == label, _panels(brushes[brush], what, times, chosen, scale))
 
     completed = [name for name, run in named.items() if run.attributes["outcome"] == "completed"]
     reach = span(_values([shots[name] for name in completed or named]))
     scale = Colours(SEQUENTIAL, *reach)
-    rows = [
-        Row(name, False, _panels(brushes[name], f"a of {name}", times, row, scale))
-        for name, row in shots.items()
-    ]
+    rows = [row(name, name, f"a of {name}", own, scale) for name, own in shots.items()]
     bars = [scale.bar("a")]
     fem = next((name for name in named if name.startswith("fem")), "")
-    if differences := _differences(named, times, fem):
+    if differences := _differences(named, every, fem):
         largest = max(map(abs, span(_values(list(differences.values()))))) or 1.0
-        scale = Colours(DIVERGING, -largest, largest)
-        rows += [
-            Row(name, True, _panels(brushes[fem], name, times, row, scale))
-            for name, row in differences.items()
-        ]
-        bars.append(scale.bar("difference of a"))
+        apart = Colours(DIVERGING, -largest, largest)
+        rows += [row(name, fem, name, own, apart) for name, own in differences.items()]
+        bars.append(apart.bar("difference of a"))
     clipped = span(_values(list(shots.values()))) != reach
-    return FilmStrip(tuple(times), tuple(rows), tuple(bars), clipped)
+    return FilmStrip(tuple(every[i] for i in columns), tuple(rows), tuple(bars), clipped, shown, scale)
 
 
 Shot = tuple[Array, Array] | None
 """Positions (2, N) and values on triangles (n,) at one time, or None where the run has no such frame."""
 
 
-def _columns(runs: Sequence[Run]) -> list[float]:
-    """At most MAX_COLUMNS output times, evenly through those of all runs and with each run's last one."""
-    times = np.unique(np.concatenate([run.times for run in runs]).round(9))
-    last = {int(np.argmin(np.abs(times - run.times[-1]))) for run in runs if len(run.times)}
+def common_times(runs: Sequence[Run]) -> list[float]:
+    """All output times that any of the runs has."""
+    return [float(t) for t in np.unique(np.concatenate([run.times for run in runs]).round(9))]
+
+
+def _columns(runs: Sequence[Run], times: Sequence[float]) -> list[int]:
+    """Numbers of at most MAX_COLUMNS times, evenly through them and with each run's last one."""
+    last = {int(np.argmin(np.abs(np.asarray(times) - run.times[-1]))) for run in runs if len(run.times)}
     free = max(MAX_COLUMNS - len(last), 0)
     even = np.linspace(0, len(times) - 1, free + 1).round().astype(int)[:free]
-    chosen = sorted(last | {int(i) for i in even})
-    return [float(t) for t in times[chosen]]
+    return sorted(last | {int(i) for i in even})
 
 
 def _shots(run: Run, times: Sequence[float]) -> list[Shot]:
-    frames = _frames(run, times)
-    return [None if i is None else (run.points[i], _on_triangles(run, i)) for i in frames]
+    frames = frames_at(run, times)
+    return [None if i is None else (run.points[i], on_triangles(run, i)) for i in frames]
 
 
-def _frames(run: Run, times: Sequence[float]) -> list[int | None]:
+def frames_at(run: Run, times: Sequence[float]) -> list[int | None]:
     """Numbers of the run's frames at the times; None where it has none."""
     found = [np.flatnonzero(np.abs(run.times - t) < 1e-9) for t in times]
     return [int(i[0]) if len(i) else None for i in found]
 
 
-def _on_triangles(run: Run, frame: int) -> Array:
+def on_triangles(run: Run, frame: int) -> Array:
     """Concentration on the triangles that are drawn: a cell's mean, or what its nodes have around a piece."""
     if run.order == 1:
         return run.a_cells[frame]
@@ -120,7 +130,7 @@ def _difference(fv: Run, fem: Run, times: Sequence[float]) -> list[Shot]:
         None
         if i is None or j is None
         else (fem.points[i], np.repeat(fv.a_cells[j] - fem.a_cells[i], fem.order**2))
-        for i, j in zip(_frames(fem, times), _frames(fv, times), strict=True)
+        for i, j in zip(frames_at(fem, times), frames_at(fv, times), strict=True)
     ]
 
 

@@ -13,6 +13,7 @@ from actin_xcheck.frontier.planes import Axis
 from actin_xcheck.frontier.record import FILE_NAME, Map, Row, read_frontier
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import draw
+from actin_xcheck.report.svg import axes_data
 from actin_xcheck.result import Ending
 
 FRAME = {"width": 420, "height": 330, "left": 46, "right": 404, "top": 8, "bottom": 292}
@@ -78,10 +79,11 @@ class _Tick:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A map ready for the template: everything in units of its drawing."""
+    """A map ready for the template: everything in units of its drawing; `axes` as `svg.axes_data`."""
 
     map: Map
     path: str
+    axes: str
     blocks: tuple[_Block, ...]
     border: str
     dots: tuple[_Dot, ...]
@@ -138,6 +140,11 @@ class _Scale:
         self.axis, self.low, self.high = axis, low, high
         self._ends = [self._measure(axis.values[0]), self._measure(axis.values[-1])]
 
+    @property
+    def ends(self) -> tuple[str, float, float]:
+        """The kind of the scale, the values at its low and at its high end."""
+        return "log" if self.axis.log else "linear", float(self.axis.values[0]), float(self.axis.values[-1])
+
     def at(self, value: float) -> float:
         """Coordinate of a value."""
         part = (self._measure(value) - self._ends[0]) / (self._ends[1] - self._ends[0])
@@ -175,6 +182,12 @@ def _drawn(one: Map) -> Drawn:
     return Drawn(
         one,
         f"/maps/{one.key}",
+        axes_data(
+            (FRAME["left"], FRAME["top"], FRAME["right"], FRAME["bottom"]),
+            across.ends,
+            up.ends,
+            (one.plane.x.label, one.plane.y.label),
+        ),
         tuple(block for cell in cells for block in _blocks(cell, labels, across, up)),
         _border(one, cells, labels, across, up),
         tuple(_Dot(across.place(row.column), up.place(row.row), _title(one, row)) for row in one.points),

@@ -12,6 +12,7 @@ from actin_xcheck.model import CAVEATS
 from actin_xcheck.report.charts import Chart, charts
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import FilmStrip, film_strip
+from actin_xcheck.report.player import film_data
 from actin_xcheck.report.svg import STYLES, Style
 from actin_xcheck.report.triangles import TrianglePicture, triangle_picture
 from actin_xcheck.scene import Scene, parse_scene
@@ -21,13 +22,18 @@ from actin_xcheck.triangulation import Triangle, read_triangles
 
 @dataclass(frozen=True)
 class _Section:
-    """All the page says about one scene: its runs with how each is drawn, and what was made of them."""
+    """All the page says about one scene: its runs with how each is drawn, and what was made of them.
+
+    `right` is the run that the film shows beside the first one: finite volumes where there are some.
+    """
 
     number: int
     name: str
     scene: Scene
     runs: tuple[tuple[Run, Style], ...]
     strip: FilmStrip
+    film: dict[str, Any]
+    right: int
     charts: tuple[Chart, ...]
     triangles: tuple[TrianglePicture, ...]
 
@@ -97,13 +103,17 @@ def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Tr
             raise UserError(f"{run.path}: there is nothing to draw")
     scene = parse_scene(runs[0].attributes["scene"], f"{runs[0].path}: /run scene")
     styles = {run.attributes["method_name"]: STYLES[i % len(STYLES)] for i, run in enumerate(runs)}
+    strip = film_strip(runs)
+    finite_volumes = (i for i, run in enumerate(runs) if i and run.attributes["method_name"].startswith("fv"))
     drawn = [triangle_picture(one, styles, f"t{number}-{i}") for i, one in enumerate(triangles)]
     return _Section(
         number,
         name,
         scene,
         tuple(zip(runs, styles.values(), strict=True)),
-        film_strip(runs),
+        strip,
+        film_data(runs, strip),
+        next(finite_volumes, len(runs) - 1),
         tuple(charts(runs, f"s{number}")),
         tuple(drawn),
     )

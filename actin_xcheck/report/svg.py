@@ -1,14 +1,26 @@
-"""Drawings as inline SVG that takes its ink from the page, and how lines are told apart."""
+"""Drawings as inline SVG that takes its ink from the page, and how lines are told apart.
 
+Every drawing says how its page's script may zoom and read it, so that no number is stated twice: `data-axes`
+on the element are its axes (`axes_data`), `data-zoom` on a group are the directions in which it follows them,
+and `data-name` is what it is called.
+"""
+
+import json
 import re
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
+from itertools import count
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.spines import Spine
+from matplotlib.text import Annotation
 
 INK = "#0d0e0f"
 """Stand-in for the page's ink."""
@@ -16,6 +28,7 @@ _GRID = "#d0d1d2"  # stand-in for the colour of the page's lines
 _STYLE = {
     "svg.fonttype": "none",  # real text: small, selectable, in the page's font
     "svg.hashsalt": "actin_xcheck",  # the same files give the same page
+    "path.simplify_threshold": 0.02,  # points, so that lines stand being zoomed
     "text.parse_math": False,  # a dollar sign in a name is a dollar sign
     "font.size": 9,
     **{name: INK for name in ("text.color", "axes.labelcolor", "xtick.color", "ytick.color")},
@@ -58,20 +71,76 @@ def calm(axes: Axes) -> None:
         axes.set_ylim(middle - least / 2, middle + least / 2)
 
 
-def svg(figure: Figure, label: str, prefix: str) -> str:
-    """Return a figure as an SVG element, its ink and grid left to the page's style sheet.
+def axes_data(
+    box: Sequence[float], x: tuple[str, float, float], y: tuple[str, float, float], names: Sequence[str]
+) -> str:
+    """Return what a drawing says of its axes, as JSON.
 
     Parameters
     ----------
-    figure : drawn within `styled`.
+    box : left, top, right and bottom edge in the drawing's units.
+    x, y : "linear" or "log", and the values at the left and right edge, at the bottom and top.
+    names : of the two axes.
+    """
+    return json.dumps({"box": [round(float(edge), 4) for edge in box], "x": x, "y": y, "names": list(names)})
+
+
+def svg(figure: Figure, label: str, prefix: str) -> str:
+    """Return a figure of one pair of axes as an SVG element, its ink and grid left to the page's style sheet.
+
+    Parameters
+    ----------
+    figure : drawn within `styled`; lines with a label are read out by it.
     label : what it shows, for those who cannot see it.
     prefix : keeps ids apart from those of other drawings on the page.
     """
+    (axes,) = figure.axes
+    follows = _follow(axes)
     buffer = StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
-    text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{prefix}-", text)
+    text = re.sub(r"font-family: [^;\"]*;? ?", "", text)  # the page's own
+    text = re.sub(r"\n\s*", "\n", text)
+    for gid, said in follows.items():
+        text = text.replace(f'<g id="{gid}">', f'<g id="{gid}" {said}>', 1)
+    text = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{prefix}-", text)
     text = text.replace(INK, "currentColor").replace(_GRID, "var(--line)")
-    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" ', 1)
+    data = f"data-axes='{escape(_axes_of(figure, axes))}'"
+    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" {data} ', 1)
+
+
+def _axes_of(figure: Figure, axes: Axes) -> str:
+    width, height = 72 * figure.get_size_inches()
+    place = axes.get_position()
+    box = (place.x0 * width, (1 - place.y1) * height, place.x1 * width, (1 - place.y0) * height)
+    x, y = (axes.get_xscale(), *axes.get_xlim()), (axes.get_yscale(), *axes.get_ylim())
+    return axes_data(box, x, y, (axes.get_xlabel(), axes.get_ylabel()))
+
+
+def _follow(axes: Axes) -> dict[str, str]:
+    """Name the groups of all that is drawn in data coordinates; by name, their attributes."""
+    numbers, found = count(), {}
+    for artist in axes.get_children():
+        if isinstance(artist, Axis | Spine):
+            continue
+        directions = _directions(artist, axes)
+        if not directions:
+            continue
+        gid = artist.get_gid() or f"drawn-{next(numbers)}"
+        artist.set_gid(gid)
+        label = str(artist.get_label())
+        named = f' data-name="{escape(label)}"' if label and not label.startswith("_") else ""
+        found[gid] = f'data-zoom="{directions}"{named}'
+    return found
+
+
+def _directions(artist: Artist, axes: Axes) -> str:
+    """ "x", "y", both or none: where an artist follows the axes."""
+    if isinstance(artist, Annotation):
+        given = artist.xycoords if isinstance(artist.xycoords, tuple) else (artist.xycoords,) * 2
+        follows: Sequence[bool] = [one == "data" for one in given]
+    else:
+        follows = artist.get_transform().contains_branch_seperately(axes.transData)
+    return "".join(name for name, one in zip("xy", follows, strict=True) if one)

@@ -179,7 +179,7 @@ def _drawn(chart: Chart, work: _Work, quantity: Quantity, styles: dict[str, Styl
         text = svg(figure, label, prefix).replace(_RED, "var(--fail)")
     titles = [escape(_said(chart, point, quantity)) for point in chart.points]
     named = re.sub(
-        rf'(<g id="{re.escape(prefix)}-point-(\d+)">)',
+        rf'(<g id="{re.escape(prefix)}-point-(\d+)"[^>]*>)',
         lambda found: f"{found[1]}<title>{titles[int(found[2])]}</title>",
         text,
     )

@@ -1,0 +1,299 @@
+// The film of a scene: two runs and their difference on canvases, from what report/player.py packed.
+"use strict";
+{
+  const STEPS = 65534, INTERVAL = 900, LEVELS = 256, OUTLINE = "#8a8f98";
+  const calm = matchMedia("(prefers-reduced-motion: reduce)");
+  const short = value => String(Number(value.toPrecision(4))).replace("-", "−");
+  const close = (low, high) => high - low < 1e-2 * Math.abs(high) ? 9 : 4;
+  const range = (low, high) => (low === high ? [low] : [low, high]).map(v => String(Number(v.toPrecision(close(low, high)))).replace("-", "−")).join(" … ");
+  const mix = (one, other, part) => one.map((value, i) => value + (other[i] - value) * part);
+
+  const palette = stops => Array.from({ length: LEVELS }, (_, level) => {
+    const place = level / (LEVELS - 1) * (stops.length - 1), i = Math.min(Math.floor(place), stops.length - 2);
+    const rgb = [1, 3, 5].map(at => {
+      const [one, other] = [stops[i], stops[i + 1]].map(stop => parseInt(stop.slice(at, at + 2), 16));
+      return Math.round(one + (other - one) * (place - i));
+    });
+    return `rgb(${rgb})`;
+  });
+
+  class Film {
+    constructor(data) {
+      Object.assign(this, { times: data.times, window: data.window, scale: data.scale, runs: data.runs, arrays: data.arrays });
+      this.palettes = data.colours.map(palette);
+      this.gradients = data.colours.map(stops => `linear-gradient(to right, ${stops.join(", ")})`);
+      this.known = new Map();
+    }
+
+    once(key, make) {
+      if (!this.known.has(key)) this.known.set(key, make());
+      return this.known.get(key);
+    }
+
+    integers(at, wide = false) {
+      const { buffer } = Uint8Array.from(atob(this.arrays[at]), letter => letter.charCodeAt(0));
+      return wide ? new Uint32Array(buffer) : new Uint16Array(buffer);
+    }
+
+    values({ at, low, high }) {
+      return this.once(`a${at} ${low} ${high}`, () => Float64Array.from(this.integers(at),
+        n => n > STEPS ? NaN : low + (high - low) * n / STEPS));
+    }
+
+    // First all x, then all y.
+    positions(at) {
+      const [left, bottom, right, top] = this.window;
+      return this.once(`x${at}`, () => {
+        const packed = this.integers(at), n = packed.length / 2;
+        return Float64Array.from(packed, (value, i) => value > STEPS ? NaN
+          : i < n ? left + (right - left) * value / STEPS : bottom + (top - bottom) * value / STEPS);
+      });
+    }
+
+    // Triangles, the sides of cells among their edges, and the rim.
+    mesh(run) {
+      return this.once(`m${run.triangles} ${run.order}`, () => {
+        const triangles = this.integers(run.triangles, run.nodes > 65536), edges = new Map(), pieces = run.order ** 2;
+        for (let i = 0; i < triangles.length; i++) {
+          const a = triangles[i], b = triangles[i % 3 === 2 ? i - 2 : i + 1], key = Math.min(a, b) * run.nodes + Math.max(a, b);
+          const cell = Math.floor(i / 3 / pieces), seen = edges.get(key);
+          if (seen) Object.assign(seen, { count: 2, side: seen.cell !== cell });
+          else edges.set(key, { a, b, cell, count: 1, side: true });
+        }
+        const all = [...edges.values()];
+        return { triangles, sides: all.filter(one => one.side), rim: all.filter(one => one.count === 1) };
+      });
+    }
+
+    // What a run has at a place of the film, which lies between two output times where it is no whole number.
+    shot(run, place) {
+      const i = Math.floor(place), one = run.frames[i], other = run.frames[Math.ceil(place)];
+      if (!one || !other) return null;
+      const part = place - i;
+      const blend = (read, from, to) => part && from !== undefined && to !== undefined
+        ? mix(read(from), read(to), part) : from === undefined ? null : read(from);
+      return { x: blend(at => this.positions(at), one.x, other.x), a: blend(field => this.values(field), one.a, other.a),
+        apart: blend(field => this.values(field), one.apart, other.apart) };
+    }
+
+    // Right less left, by cells, on the triangles and where the cell of the left is.
+    difference(left, right, place) {
+      const one = this.shot(left, place), other = this.shot(right, place);
+      if (left.like !== right.like || !one?.apart || !other?.apart) return null;
+      const pieces = left.order ** 2, n = this.mesh(left).triangles.length / 3;
+      return { x: one.x, a: Float64Array.from({ length: n }, (_, i) => other.apart[Math.floor(i / pieces)] - one.apart[Math.floor(i / pieces)]) };
+    }
+
+    furthest(left, right) {
+      let most = 0;
+      for (const i of this.times.keys())
+        for (const value of this.difference(left, right, i)?.a ?? []) if (Math.abs(value) > most) most = Math.abs(value);
+      return most;
+    }
+  }
+
+  class Pane {
+    constructor(place, film, colours) {
+      Object.assign(this, { film, canvas: place.querySelector("canvas"), extent: place.querySelector(".extent"), colours });
+      this.pen = this.canvas.getContext("2d");
+      const [left, bottom, right, top] = film.window;
+      this.canvas.style.aspectRatio = `${right - left} / ${top - bottom}`;
+    }
+
+    // World to canvas: factor, then offset.
+    get frame() {
+      const [left, , right, top] = this.film.window;
+      return [this.canvas.width / (right - left), left, top];
+    }
+
+    world(event) {
+      const box = this.canvas.getBoundingClientRect(), [left, bottom, right, top] = this.film.window;
+      return [left + (event.clientX - box.left) / box.width * (right - left), top - (event.clientY - box.top) / box.height * (top - bottom)];
+    }
+
+    draw({ run, shot, ends, mesh, probe, label, none }) {
+      const { pen, canvas } = this, [factor, left, top] = this.frame, dpr = canvas.width / (canvas.clientWidth || canvas.width);
+      pen.clearRect(0, 0, canvas.width, canvas.height);
+      const at = (x, n) => [(x[n] - left) * factor, (top - x[n + x.length / 2]) * factor];
+      const trace = (edges, x) => {
+        pen.beginPath();
+        for (const { a, b } of edges) {
+          pen.moveTo(...at(x, a));
+          pen.lineTo(...at(x, b));
+        }
+        pen.stroke();
+      };
+      const net = this.film.mesh(run);
+      pen.lineJoin = "round";
+      if (shot) {
+        const [low, high] = ends, levels = Array.from({ length: LEVELS }, () => []);
+        let least = Infinity, most = -Infinity, sum = 0;
+        shot.a.forEach((value, i) => {
+          if (!Number.isFinite(value)) return;
+          least = Math.min(least, value);
+          most = Math.max(most, value);
+          const part = Math.min(Math.max(high > low ? (value - low) / (high - low) : .5, 0), 1);
+          sum += part;
+          levels[Math.round(part * (LEVELS - 1))].push(i);
+        });
+        pen.lineWidth = .8 * dpr; // covers the seams between neighbours
+        levels.forEach((triangles, level) => {
+          if (!triangles.length) return;
+          pen.beginPath();
+          for (const i of triangles) {
+            pen.moveTo(...at(shot.x, net.triangles[3 * i]));
+            pen.lineTo(...at(shot.x, net.triangles[3 * i + 1]));
+            pen.lineTo(...at(shot.x, net.triangles[3 * i + 2]));
+            pen.closePath();
+          }
+          pen.fillStyle = pen.strokeStyle = this.colours[level];
+          pen.fill();
+          pen.stroke();
+        });
+        if (mesh) {
+          pen.lineWidth = .6 * dpr;
+          pen.strokeStyle = sum / shot.a.length > .45 ? "rgb(0 0 0 / .5)" : "rgb(255 255 255 / .55)";
+          trace(net.sides, shot.x);
+        }
+        pen.lineWidth = 1.4 * dpr;
+        pen.strokeStyle = OUTLINE;
+        trace(net.rim, shot.x);
+        this.shot = { ...shot, triangles: net.triangles };
+        this.words = ends[0] === -ends[1] ? `|·| ≤ ${short(Math.max(-least, most))}` : range(least, most);
+      } else this.words = none;
+      pen.lineWidth = dpr;
+      pen.strokeStyle = OUTLINE;
+      pen.setLineDash([4 * dpr, 4 * dpr]);
+      trace(net.rim, this.film.positions(run.xi));
+      pen.setLineDash([]);
+      this.canvas.setAttribute("aria-label", shot ? `${label}, values ${this.words}` : `${label}: ${none}`);
+      let here = "";
+      if (probe && shot) {
+        const value = this.under(probe);
+        here = value === null ? " · outside" : ` · ${String(Number(value.toPrecision(close(...ends) === 9 ? 9 : 5))).replace("-", "−")} at the mark`;
+        pen.strokeStyle = "#fff";
+        for (const [colour, width] of [["#000", 3], ["#fff", 1.4]]) {
+          pen.strokeStyle = colour;
+          pen.lineWidth = width * dpr;
+          pen.beginPath();
+          pen.arc((probe[0] - left) * factor, (top - probe[1]) * factor, 4.5 * dpr, 0, 7);
+          pen.stroke();
+        }
+      }
+      this.extent.textContent = this.words + here;
+    }
+
+    // The value of the triangle under a point.
+    under([px, py]) {
+      const { x, a, triangles } = this.shot, n = x.length / 2;
+      const side = (i, j) => (x[j] - x[i]) * (py - x[i + n]) - (x[j + n] - x[i + n]) * (px - x[i]);
+      for (let i = 0; i < triangles.length; i += 3) {
+        const [p, q, r] = triangles.slice(i, i + 3);
+        if (side(p, q) >= 0 && side(q, r) >= 0 && side(r, p) >= 0) return a[i / 3];
+      }
+      return null;
+    }
+  }
+
+  const start = player => {
+    const film = new Film(JSON.parse(document.getElementById(player.dataset.film).textContent));
+    const find = name => player.querySelector(name);
+    const [play, slider, told, mesh] = [".play", "input[type=range]", ".time", "input[type=checkbox]"].map(find);
+    const selects = [...player.querySelectorAll("select")];
+    const panes = [...player.querySelectorAll(".pane")].map((place, i) => new Pane(place, film, film.palettes[i === 2 ? 1 : 0]));
+    const bars = [...player.querySelectorAll(".bar")];
+    let place = 0, probe = null, since = null, most = 0;
+    const chosen = () => selects.length ? selects.map(one => film.runs[one.value]) : panes.length > 1
+      ? [film.runs[0], film.runs[player.dataset.right]] : [film.runs[0]];
+
+    const words = () => {
+      const i = Math.floor(place);
+      return Number.isInteger(place) ? `t = ${short(film.times[i])}` : `t between ${short(film.times[i])} and ${short(film.times[i + 1])}`;
+    };
+    const draw = () => {
+      const [left, right] = chosen(), time = words(), none = run => `no frame, the run is ${run.outcome}`;
+      const common = { mesh: mesh.checked && Number.isInteger(place), probe };
+      [left, right].slice(0, panes.length).forEach((run, i) => panes[i].draw({ ...common, run, shot: film.shot(run, place),
+        ends: film.scale, label: `a of ${run.name} at ${time}`, none: none(run) }));
+      if (panes[2]) panes[2].draw({ ...common, run: left, shot: film.difference(left, right, place), ends: [-(most || 1), most || 1],
+        label: `${right.name} − ${left.name} at ${time}`,
+        none: left.like === right.like ? "no difference: a run has no frame" : "no difference: other cells" });
+      told.textContent = time;
+      slider.value = Math.round(place);
+      slider.setAttribute("aria-valuetext", time);
+    };
+    const choose = () => {
+      const [left, right] = chosen();
+      most = right ? film.furthest(left, right) : 0;
+      if (bars[1]) {
+        const [low, high] = bars[1].querySelectorAll(".number");
+        low.textContent = short(-most);
+        high.textContent = short(most);
+        find(".apart").textContent = `${right.name} − ${left.name}`;
+      }
+      draw();
+    };
+    const stop = () => {
+      if (since) cancelAnimationFrame(since.request);
+      since = null;
+      place = Math.round(place);
+      play.textContent = "Play";
+      told.setAttribute("aria-live", "polite");
+      draw();
+    };
+    const tick = now => {
+      since.begun ??= now;
+      const passed = since.from + (now - since.begun) / INTERVAL, last = film.times.length - 1;
+      place = Math.min(calm.matches ? Math.floor(passed) : passed, last);
+      if (place >= last) return stop();
+      draw();
+      since.request = requestAnimationFrame(tick);
+    };
+    play.addEventListener("click", () => {
+      if (since) return stop();
+      since = { from: place >= film.times.length - 1 ? 0 : place };
+      play.textContent = "Pause";
+      told.setAttribute("aria-live", "off");
+      since.request = requestAnimationFrame(tick);
+    });
+    slider.max = film.times.length - 1;
+    slider.addEventListener("input", () => {
+      const wanted = Number(slider.value);
+      if (since) stop();
+      place = wanted;
+      draw();
+    });
+    mesh.addEventListener("change", draw);
+    for (const one of selects) one.addEventListener("change", choose);
+    for (const pane of panes) {
+      pane.canvas.addEventListener("pointermove", event => { probe = pane.world(event); draw(); });
+      pane.canvas.addEventListener("pointerleave", () => { probe = null; draw(); });
+      pane.canvas.addEventListener("keydown", event => {
+        const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+        if (event.key === "Escape") probe = null;
+        else if (!by) return;
+        else {
+          const [left, bottom, right, top] = film.window, step = (right - left) / 40;
+          const from = probe ?? [(left + right) / 2, (bottom + top) / 2];
+          probe = [from[0] + by[0] * step, from[1] + by[1] * step];
+        }
+        event.preventDefault();
+        draw();
+      });
+      new ResizeObserver(() => {
+        const [left, bottom, right, top] = film.window, width = Math.round(pane.canvas.clientWidth * devicePixelRatio);
+        if (!width || width === pane.canvas.width) return;
+        pane.canvas.width = width;
+        pane.canvas.height = Math.round(width * (top - bottom) / (right - left));
+        draw();
+      }).observe(pane.canvas);
+    }
+    bars.forEach((bar, i) => { bar.querySelector(".gradient").style.background = film.gradients[i]; });
+    choose();
+  };
+  document.documentElement.classList.add("live");
+  for (const player of document.querySelectorAll(".player")) {
+    player.hidden = false;
+    start(player);
+  }
+}

@@ -1,0 +1,256 @@
+"""The film on a comparison's page, in a browser from file://: what is packed, what is clicked."""
+
+import json
+import os
+import re
+from base64 import b64decode
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from actin_xcheck.report import write_report
+from actin_xcheck.report.film import film_strip
+from actin_xcheck.report.player import STEPS, film_data
+from actin_xcheck.store import Run, read_comparison
+from tests.test_dashboard import CONTRAST, click, press
+from tests.test_report import CHROMIUM, SCRIPT, TIMES, Browser, write_comparison_of_everything
+
+FILM = "document.querySelector('.player')"
+LAST = "[...document.querySelectorAll('.player')].at(-1)"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("film")
+    write_comparison_of_everything(folder, refine=2)
+    return write_report(folder)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if CHROMIUM is None or os.name != "posix":
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.ask(
+            "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
+        )
+        yield browser
+
+
+@pytest.fixture
+def opened(browser: Browser, page: Path) -> Iterator[Browser]:
+    """The page just opened, without a complaint, a request for anything else or a script that breaks down."""
+    assert browser.complaints(page) == []
+    yield browser
+    assert not [event for event in browser.events if event["method"] == "Runtime.exceptionThrown"]
+
+
+def runs_of(page: Path, scene: str) -> list[Run]:
+    """FEM first, as on the page."""
+    runs = [run for key, run in read_comparison(page.parent / "comparison.h5").runs.items() if scene in key]
+    return sorted(runs, key=lambda run: not run.attributes["method_name"].startswith("fem"))
+
+
+def pixels(browser: Browser, number: int = 0) -> str:
+    """What a canvas of the first film shows."""
+    return browser.evaluate(f"{FILM}.querySelectorAll('canvas')[{number}].toDataURL()")
+
+
+def text(browser: Browser, selector: str, film: str = FILM) -> str:
+    return browser.evaluate(f"{film}.querySelector({selector!r}).textContent")
+
+
+def wait(browser: Browser, milliseconds: int) -> None:
+    browser.evaluate(f"new Promise(resolve => setTimeout(resolve, {milliseconds}))")
+
+
+def unpacked(data: dict, at: int, low: float, high: float) -> np.ndarray:
+    numbers = np.frombuffer(b64decode(data["arrays"][at]), "<u2").astype(float)
+    return np.where(numbers > STEPS, np.nan, low + (high - low) * numbers / STEPS)
+
+
+def test_what_is_packed_is_what_is_stored(page: Path) -> None:
+    runs = runs_of(page, "fig14")
+    data = film_data(runs, film_strip(runs))
+    fem, fv = data["runs"]
+    left, bottom, right, top = data["window"]
+    for i in range(len(TIMES)):
+        for run, stored in zip((fem, fv), runs, strict=True):
+            frame = run["frames"][i]
+            found = unpacked(data, frame["x"], 0, 1).reshape(2, -1)
+            expected = (stored.points[i] - [[left], [bottom]]) / [[right - left], [top - bottom]]
+            assert np.abs(found - expected).max() <= 0.5001 / STEPS
+            a = frame["a"]
+            off = np.abs(unpacked(data, **a) - stored.a_cells[i])
+            assert off.max() <= 0.5001 * (a["high"] - a["low"]) / STEPS + 1e-15
+        apart = fv["frames"][i]["apart"]
+        difference = runs[1].a_cells[i] - runs[0].a_cells[i]
+        width = apart["high"] - apart["low"]
+        assert np.abs(unpacked(data, **apart) - difference).max() <= 0.5001 * width / STEPS + 1e-15
+    assert fem["triangles"] == fv["triangles"]  # packed once
+    assert len(set(data["arrays"])) == len(data["arrays"])
+
+
+def test_what_is_no_number_is_packed_as_none(page: Path) -> None:
+    runs = runs_of(page, "static")
+    strip = film_strip(runs)
+    runs[0].a_cells[-1][3] = np.nan
+    data = film_data(runs, strip)
+    found = unpacked(data, **data["runs"][0]["frames"][-1]["a"])
+    assert np.flatnonzero(np.isnan(found)).tolist() == [3]
+
+
+def test_a_failed_run_has_no_frame_where_it_had_ended(page: Path) -> None:
+    runs = runs_of(page, SCRIPT)
+    data = film_data(runs, film_strip(runs))
+    failed = next(run for run in data["runs"] if run["name"] == "fv-tpfa")
+    assert [frame is None for frame in failed["frames"]] == [False, False, False, True, True]
+    assert failed["outcome"] == "tangled"
+
+
+def test_play_runs_to_the_end_and_pauses(opened: Browser) -> None:
+    start = pixels(opened)
+    click(opened, ".player .play")
+    wait(opened, 500)
+    assert text(opened, ".play") == "Pause"
+    assert text(opened, ".time") == "t between 0 and 0.05"
+    assert pixels(opened) != start
+    click(opened, ".player .play")  # pauses at an output time
+    assert text(opened, ".play") == "Play"
+    assert text(opened, ".time") in {"t = 0", "t = 0.05"}
+    resting = pixels(opened)
+    wait(opened, 300)
+    assert pixels(opened) == resting
+    opened.evaluate(f"{FILM}.querySelector('input').focus()")
+    press(opened, "End", 35)
+    press(opened, "ArrowLeft", 37)
+    assert text(opened, ".time") == "t = 0.13"
+    opened.evaluate(f"{FILM}.querySelector('.play').focus()")
+    press(opened, " ", 32, " ")
+    wait(opened, 1300)
+    assert text(opened, ".time") == "t = 0.1636"
+    assert text(opened, ".play") == "Play"
+    assert opened.evaluate(f"{FILM}.querySelector('input').value") == "4"
+
+
+def test_output_times_are_stepped_through_by_arrow_keys(opened: Browser) -> None:
+    opened.evaluate(f"{FILM}.querySelector('input').focus()")
+    seen = [text(opened, ".time")]
+    shown = {pixels(opened)}
+    for _ in TIMES[1:]:
+        press(opened, "ArrowRight", 39)
+        seen.append(text(opened, ".time"))
+        shown.add(pixels(opened))
+    assert seen == [f"t = {t:.4g}" for t in TIMES]
+    assert len(shown) == len(TIMES)
+    assert opened.evaluate(f"{FILM}.querySelector('input').getAttribute('aria-valuetext')") == "t = 0.1636"
+    label = opened.evaluate(f"{FILM}.querySelector('canvas').getAttribute('aria-label')")
+    assert label.startswith("a of fem-p1-paper at t = 0.1636, values ")
+
+
+def test_who_asked_for_less_motion_sees_output_times_alone(opened: Browser) -> None:
+    opened.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
+    click(opened, ".player .play")
+    wait(opened, 500)
+    assert text(opened, ".time") == "t = 0"
+    wait(opened, 900)
+    assert text(opened, ".time") == "t = 0.05"
+    opened.ask("Emulation.setEmulatedMedia", features=[])
+
+
+def test_the_mesh_is_drawn_and_taken_away(opened: Browser) -> None:
+    without = [pixels(opened, i) for i in range(3)]
+    click(opened, ".player input[type=checkbox]")
+    assert all(pixels(opened, i) != without[i] for i in range(3))
+    click(opened, ".player input[type=checkbox]")
+    assert [pixels(opened, i) for i in range(3)] == without
+
+
+def test_the_value_under_the_pointer_is_that_of_the_triangle(opened: Browser, page: Path) -> None:
+    opened.evaluate(f"{FILM}.querySelector('input').focus()")
+    press(opened, "End", 35)
+    opened.evaluate(f"{FILM}.querySelector('canvas').scrollIntoView({{block: 'center'}})")
+    box = opened.evaluate(f"JSON.stringify({FILM}.querySelector('canvas').getBoundingClientRect())")
+    box, runs = json.loads(box), runs_of(page, "fig14")
+    left, bottom, right, top = film_data(runs, film_strip(runs))["window"]
+    middle = runs[0].points[-1][:, runs[0].triangles[:, 40]].mean(axis=1)
+    x = box["x"] + box["width"] * (middle[0] - left) / (right - left)
+    y = box["y"] + box["height"] * (top - middle[1]) / (top - bottom)
+    opened.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    said = [text(opened, f".pane:nth-child({i}) .extent") for i in (1, 2, 3)]
+    values = [float(one.split("·")[-1].split()[0].replace("−", "-")) for one in said]
+    a, b = (run.a_cells[-1][40] for run in runs)
+    assert values[:2] == pytest.approx([a, b], rel=1e-4)
+    assert values[2] == pytest.approx(b - a, rel=1e-3)
+    opened.evaluate(f"{FILM}.querySelector('canvas').focus()")
+    marked = pixels(opened)
+    press(opened, "ArrowRight", 39)
+    assert pixels(opened) != marked
+    press(opened, "Escape", 27)
+    assert "mark" not in text(opened, ".extent")
+
+
+def test_runs_are_chosen_where_there_are_more_than_two(opened: Browser) -> None:
+    assert opened.evaluate(f"{FILM}.querySelectorAll('select').length") == 0
+    options = f"[...{LAST}.querySelectorAll('select')].map(one => one.selectedOptions[0].textContent).join()"
+    assert opened.evaluate(options) == "fem-p1-paper,fv-driven"
+    before = opened.evaluate(f"{LAST}.querySelectorAll('canvas')[1].toDataURL()")
+    opened.evaluate(f"{LAST}.querySelectorAll('select')[1].focus()")
+    press(opened, "ArrowDown", 40)
+    assert opened.evaluate(options) == "fem-p1-paper,fv-tpfa"
+    assert text(opened, ".apart", LAST) == "fv-tpfa − fem-p1-paper"
+    assert opened.evaluate(f"{LAST}.querySelectorAll('canvas')[1].toDataURL()") == before  # alike at t = 0
+    opened.evaluate(f"{LAST}.querySelector('input').focus()")
+    for _ in TIMES[1:]:
+        press(opened, "ArrowRight", 39)
+    assert "no frame, the run is tangled" in text(opened, ".pane:nth-child(2) .extent", LAST)
+
+
+def test_paper_and_a_browser_without_scripts_show_the_strip(opened: Browser, page: Path) -> None:
+    shown = (
+        "[...document.querySelectorAll('.player, .frames')].map(one => one.offsetHeight > 0 ? 1 : 0).join('')"
+    )
+    assert opened.evaluate(shown) == "10" * 4
+    opened.ask("Emulation.setEmulatedMedia", media="print")
+    assert opened.evaluate(shown) == "01" * 4
+    opened.ask("Emulation.setEmulatedMedia", media="")
+    silent = page.with_name("silent.html")
+    silent.write_text(re.sub("<script.*?</script>", "", page.read_text("utf-8"), flags=re.DOTALL), "utf-8")
+    opened.complaints(silent)
+    assert opened.evaluate(shown) == "01" * 4
+
+
+def test_everything_that_can_be_used_has_a_name(opened: Browser) -> None:
+    nodes = opened.ask("Accessibility.getFullAXTree")["nodes"]
+    used = [
+        (node["role"]["value"], node.get("name", {}).get("value", ""))
+        for node in nodes
+        if not node["ignored"]
+        and node["role"]["value"] in {"button", "slider", "checkbox", "combobox", "image", "canvas"}
+    ]
+    assert all(name for _, name in used)
+    for expected in (
+        ("button", "Play"),
+        ("slider", "Output time"),
+        ("checkbox", "mesh"),
+        ("combobox", "left"),
+    ):
+        assert expected in used
+    assert any(name.startswith("fv-coupled − fem-p1-paper at t = 0, values") for _, name in used)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_all_text_can_be_read(browser: Browser, page: Path, theme: str) -> None:
+    browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+    browser.complaints(page)
+    least = browser.evaluate(CONTRAST)
+    browser.ask("Emulation.setEmulatedMedia", features=[])
+    assert float(least.split()[0]) >= 4.5, least  # WCAG AA
+
+
+@pytest.mark.slow
+def test_a_comparison_on_the_articles_mesh_is_light(tmp_path: Path) -> None:
+    write_comparison_of_everything(tmp_path, refine=5)
+    assert write_report(tmp_path).stat().st_size < 5_000_000
