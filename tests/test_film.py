@@ -43,6 +43,11 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 def opened(browser: Browser, page: Path) -> Iterator[Browser]:
     """The page just opened, without a complaint, a request for anything else or a script that breaks down."""
     assert browser.complaints(page) == []
+    sized = "one => one.width === Math.round(one.clientWidth * devicePixelRatio)"
+    for _ in range(250):  # a canvas is as large as its place a moment after it is shown
+        if browser.evaluate(f"[...document.querySelectorAll('canvas')].every({sized})"):
+            break
+        wait(browser, 20)
     yield browser
     assert not [event for event in browser.events if event["method"] == "Runtime.exceptionThrown"]
 

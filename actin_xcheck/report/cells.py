@@ -73,7 +73,7 @@ def colours(values: Sequence[Array]) -> Colours:
     low, high = span(values)
     if low < 0 < high:
         return Colours(DIVERGING, -max(-low, high), max(-low, high))
-    return Colours(SEQUENTIAL, low, high)
+    return Colours(SEQUENTIAL, *scale_ends(low, high))
 
 
 def window(positions: Iterable[Array]) -> Window:
@@ -90,6 +90,12 @@ def span(values: Sequence[Array]) -> tuple[float, float]:
     everything = np.concatenate([np.ravel(one) for one in values] or [np.empty(0)])
     finite = everything[np.isfinite(everything)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+
+
+def scale_ends(low: float, high: float) -> tuple[float, float]:
+    """The ends of a colour scale for values from `low` to `high`: round-off must not look like a pattern."""
+    middle, least = (low + high) / 2, 1e-6 * max(abs(low), abs(high))
+    return (low, high) if high - low >= least else (middle - least / 2, middle + least / 2)
 
 
 def closed_rim(triangles: Indices) -> Indices:

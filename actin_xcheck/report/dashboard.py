@@ -18,7 +18,7 @@ from actin_xcheck.history.steps import events
 from actin_xcheck.nightly.groups import Group, group_of
 from actin_xcheck.nightly.keep import HISTORY, nights_in
 from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, read_night
-from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, span, window
+from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import on_triangles
 from actin_xcheck.report.page import write_report
@@ -143,7 +143,7 @@ def _thumbnail(folder: Path) -> Panel | None:
     outline = run.xi[:, closed_rim(run.triangles)]
     brush = Brush(run.triangles, outline, window([x, outline]), THUMBNAIL)
     what = f"a of {run.attributes['method_name']} at t = {run.times[-1]:.4g}"
-    return brush.panel(what, x, values, Colours(SEQUENTIAL, *span([values])))
+    return brush.panel(what, x, values, Colours(SEQUENTIAL, *scale_ends(*span([values]))))
 
 
 def _surveys(reports: Path, to: str) -> list[tuple[str, str, str]]:

@@ -15,6 +15,7 @@ from actin_xcheck.report.cells import (
     Panel,
     Window,
     closed_rim,
+    scale_ends,
     span,
     window,
 )
@@ -68,7 +69,7 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
 
     completed = [name for name, run in named.items() if run.attributes["outcome"] == "completed"]
     reach = span(_values([shots[name] for name in completed or named]))
-    scale = Colours(SEQUENTIAL, *reach)
+    scale = Colours(SEQUENTIAL, *scale_ends(*reach))
     rows = [row(name, name, f"a of {name}", own, scale) for name, own in shots.items()]
     bars = [scale.bar("a")]
     fem = next((name for name in named if name.startswith("fem")), "")
