@@ -122,9 +122,12 @@ def _events_table(found: Iterable[Event]) -> Table:
         night = (
             event.night.name if event.until is event.night else f"{event.night.name} to {event.until.name}"
         )
+        likely = first if first == last else f"{first} to {last}"
+        if event.together > 1:
+            likely += f", by {event.together} numbers"
         table.add_row(
             *map(escape, (night, f"{what}{', minor' if event.minor else ''}", event.key, event.change)),
-            escape("exactly" if event.exact else first if first == last else f"{first} to {last}"),
+            escape("exactly" if event.exact else likely),
             escape(_listed(event.news)),
         )  # fmt: skip
     return table

@@ -16,6 +16,8 @@ from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
 
+from actin_xcheck import cli  # which loads all answers  # noqa: F401
+from actin_xcheck.answers import schemas
 from actin_xcheck.prediction.errata import ERRATA
 from actin_xcheck.registry import METHODS
 
@@ -75,7 +77,40 @@ def _methods() -> str:
     return _rows(("method", "what it is", "order in h", "in dt", "steps"), rows)
 
 
-TABLES: dict[str, Callable[[], str]] = {"errata": _errata, "methods": _methods}
+def _answers() -> str:
+    parts = []
+    for schema in schemas().values():
+        parts.append(f"## {schema['description']}\n\n{_keys(schema)}")
+        for part in schema.get("$defs", {}).values():
+            parts.append(f"`{part['title']}`: {part['description']}\n\n{_keys(part)}")
+    return "\n\n".join(parts)
+
+
+def _keys(schema: dict[str, Any]) -> str:
+    needed = schema.get("required", ())
+    rows = (
+        (f"`{key}`", _type(one), "" if key in needed else "may be left out", one.get("description", ""))
+        for key, one in schema["properties"].items()
+    )
+    return _rows(("key", "type", "", "holds"), rows)
+
+
+def _type(one: dict[str, Any]) -> str:
+    """A type of JSON Schema in words."""
+    if "$ref" in one:
+        return f"`{one['$ref'].rpartition('/')[2]}`"
+    if "const" in one or "enum" in one:
+        return ", ".join(f"`{value}`" for value in one.get("enum", (one.get("const"),)))
+    if "anyOf" in one:
+        return " or ".join(_type(either) for either in one["anyOf"])
+    if one["type"] == "array":
+        return f"list of {_type(one['items'])}" if "items" in one else "list"
+    if isinstance(one.get("additionalProperties"), dict):
+        return f"object of {_type(one['additionalProperties'])}"
+    return str(one["type"])
+
+
+TABLES: dict[str, Callable[[], str]] = {"errata": _errata, "methods": _methods, "answers": _answers}
 
 
 def _table(name: str) -> str:

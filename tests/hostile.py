@@ -10,7 +10,6 @@ import functools
 import io
 import os
 import random
-import resource
 import signal
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from actin_xcheck import cli, runs
+from actin_xcheck.charting.machine import peak_memory
 from actin_xcheck.compare import jobs_of
 from actin_xcheck.errors import LONGEST, UserError
 from actin_xcheck.registry import METHODS
@@ -241,12 +241,12 @@ def campaign(count: int, seed: int) -> tuple[list[Answer], float]:
         with tempfile.TemporaryDirectory() as folder:
             sandbox = Sandbox(Path(folder))
             _warm_up(sandbox.out)
-            before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            before = peak_memory()
             for _ in range(count):
                 answers.append(examine(draw_input(draw), sandbox, draw))
                 if answers[-1].problem:
                     print(f"#{len(answers)} {answers[-1]}", flush=True)
-            grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+            grown = (peak_memory() - before) / 2**20
     finally:
         runs.provenance = patched
     return answers, grown

@@ -1,12 +1,17 @@
 """What tests do in place of processes, and with those of a real scheduler."""
 
 import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+import pytest
+
+posix = pytest.mark.skipif(os.name != "posix", reason="needs kills, limits or links that only POSIX has")
 
 
 class InTurn:

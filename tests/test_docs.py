@@ -3,6 +3,7 @@
 import doctest
 import os
 import re
+import shlex
 import subprocess
 import sys
 import sysconfig
@@ -15,6 +16,7 @@ import typer
 import yaml
 from markdown_it import MarkdownIt
 
+from actin_xcheck.answers import schemas
 from actin_xcheck.cli import app
 from actin_xcheck.convergence.orders import Verdict
 from actin_xcheck.model import Closure, Delta, Rheology
@@ -32,6 +34,8 @@ STORED = {
     for name in re.findall(r'^FILE_NAME = "(\w+\.h5)"$', source.read_text(encoding="utf-8"), re.MULTILINE)
 }
 PAGES = sorted((ROOT / "docs").glob("*.md"))
+LONG = ("chart", "closures", "distort", "extremes", "faults", "frontier", "history", "nightly")
+"""Commands of a minute and more, and what reads their files: their examples are run every night."""
 TEN_LINES = ROOT / "examples" / "ten_lines.toml"
 
 
@@ -124,7 +128,7 @@ class Reader:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
 
-    def run(self, *words):
+    def run(self, *words, limit=240):
         # 0: build with what is installed, which this option's variable says by a no to its yes
         environment = {"PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1", "COLUMNS": "200"}
         done = subprocess.run(
@@ -133,7 +137,7 @@ class Reader:
             env=os.environ | environment,
             capture_output=True,
             encoding="utf-8",
-            timeout=240,
+            timeout=limit,
             check=False,
         )
         self.printed = done.stdout + done.stderr
@@ -145,10 +149,13 @@ class Reader:
         if text and not doctest.OutputChecker().check_output(text, self.printed, flags):
             pytest.fail(f"{where}\nsays:\n{text}\nbut it is:\n{self.printed}")
 
-    def console(self, text):
+    def console(self, text, long=False):
         for part in re.split(r"^\$ python ", text, flags=re.MULTILINE)[1:]:
             command, _, said = part.partition("\n")
-            self.run(*command.split())
+            words = shlex.split(command)
+            if (words[1] == "actin_xcheck" and words[2] in LONG) is not long:
+                continue
+            self.run(*words, limit=1200 if long else 240)
             self.expect(said, command)
 
 
@@ -168,6 +175,46 @@ def test_every_example_runs_as_printed(path, python, tmp_path):
         elif after == "python":
             reader.expect(text, "the Python above it")
         after = language
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["every-command", "every-night"])
+def test_every_long_example_runs_as_printed(name, python, tmp_path):
+    reader = Reader(python, tmp_path)
+    for language, _, text in blocks(ROOT / "docs" / f"{name}.md"):
+        if language == "console":
+            reader.console(text, long=True)
+
+
+def test_long_examples_stand_where_they_are_run():
+    for path in PAGES:
+        commands = re.findall(
+            r"^\$ python -m actin_xcheck (\S+)", path.read_text(encoding="utf-8"), re.MULTILINE
+        )
+        assert not set(LONG) & set(commands) or path.stem in ("every-command", "every-night"), path
+    assert set(LONG) <= set(re.findall(r"actin_xcheck (\w+)", page("every-command") + page("every-night")))
+
+
+def commands_of(group, name=""):
+    """Every command with its options, subcommands by both names."""
+    for word, command in getattr(group, "commands", {}).items():
+        whole = f"{name} {word}".strip()
+        yield whole, {option for one in command.params for option in one.opts}
+        yield from commands_of(command, whole)
+
+
+def test_every_command_is_on_a_page_and_every_answer_has_a_schema():
+    said = {
+        word
+        for schema in schemas().values()
+        for command in [schema["properties"]["command"]]
+        for word in command.get("enum", (command.get("const"),))
+    }
+    by_hand = page("json") + page("every-night")
+    for name, options in commands_of(typer.main.get_command(app)):
+        assert re.search(rf"\b{name.split()[0]}\b", "".join(map(page, (one.stem for one in PAGES)))), name
+        if "--json" in options:
+            assert name in said or f"`{name}`" in by_hand, name
 
 
 # as built

@@ -28,6 +28,7 @@ from actin_xcheck.history.database import (
 )
 from actin_xcheck.history.record import Judged, Kind, Night, Number, Series
 from actin_xcheck.history.steps import differences, events, turned
+from tests.processes import posix
 
 NIGHTS = 60
 ROUND_OFF = 1e-9
@@ -141,6 +142,7 @@ append(sys.argv[1], Night("new", "2027-01-01", "c", {"numpy": "1"}, "m"), [*many
 """
 
 
+@posix
 def test_of_a_night_that_is_killed_nothing_is_left(tmp_path):
     path = tmp_path / "h.sqlite"
     kept(path, 1, a=1.0)
@@ -336,7 +338,7 @@ def history(seed: int, others: int = 20) -> list[Series]:
 
 
 def test_the_synthetic_history_over_many_seeds():
-    looks = 300
+    looks = 100
     both = covered = other = 0
     for seed in range(looks):
         found = events(history(seed, 6))
@@ -350,6 +352,90 @@ def test_the_synthetic_history_over_many_seeds():
     # what is stated, and three standard deviations of the count
     assert other <= 0.02 * looks + 3 * math.sqrt(0.02 * looks)
     assert covered >= 0.95 * both - 3 * math.sqrt(0.95 * 0.05 * both)
+
+
+def commits(number: int, every: int) -> str:
+    """The commit of a night, where every so many nights bring one, nights 37 and 45 among them."""
+    since = 37 if number < 45 else 45
+    return f"{since}.{(number - since) // every}" if every > 1 else f"{number}"
+
+
+def shared(seed: int, slow: int, busy: float = 0.0, every: int = 1, missing: float = 0.0) -> list[Series]:
+    """Twenty times with 10 % noise, of which the first `slow` lose a fifth in night 45.
+
+    Of the noise a part of `busy` is common to all in a night; each number lacks nights by chance.
+    """
+    random = np.random.default_rng(seed)
+    common = noise(random, busy)
+    found = []
+    for number in range(20):
+        own = noise(random, math.sqrt(0.1**2 - busy**2))
+        values = np.exp(common + own) * (1.2 ** later(45) if number < slow else 1.0)
+        has = np.flatnonzero(random.random(NIGHTS) >= missing)
+        nights = tuple(night(int(at) + 1, commit=commits(int(at) + 1, every)) for at in has)
+        found.append(Series(f"time/{number}", Kind.TIME, "s", nights, values[has]))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("slow", "busy", "every", "missing", "right_at_least", "nights_at_most"),
+    [
+        (1, 0.0, 1, 0.0, 0.45, 8.0),  # all that one such number can say
+        (1, 0.0, 3, 0.0, 0.7, 8.0),
+        (3, 0.0, 1, 0.0, 0.85, 2.5),
+        (6, 0.0, 1, 0.0, 0.95, 1.5),
+        (6, 0.0, 3, 0.0, 0.98, 1.5),
+        (6, 0.0, 1, 0.3, 0.75, 2.5),
+        (6, 0.07, 1, 0.0, 0.6, 4.5),  # they err together, and do not count as six
+        (20, 0.07, 1, 0.0, 0.65, 4.5),
+    ],
+)
+def test_what_several_numbers_show_has_its_night(slow, busy, every, missing, right_at_least, nights_at_most):
+    looks = 60
+    right, held, widths = [], [], []
+    for seed in range(looks):
+        steps = [one for one in events(shared(seed, slow, busy, every, missing)) if one.shape is Shape.STEP]
+        told = [one for one in steps if int(one.key[5:]) < slow]
+        if not told:
+            continue
+        first = max(told, key=lambda one: one.together)
+        right.append(first.night.name == night(45).name)
+        held.append(night(45).name in [one.name for one in first.within])
+        widths.append(len(first.within))
+    assert len(right) >= (0.85 if slow == 1 else 1.0) * looks
+    assert np.mean(right) >= right_at_least
+    assert np.mean(held) >= 0.95 - 3 * math.sqrt(0.95 * 0.05 / len(held))
+    assert np.mean(widths) <= nights_at_most
+
+
+def test_numbers_that_always_say_the_same_count_as_one():
+    random = np.random.default_rng(14)
+    values = np.exp(noise(random)) * 1.25 ** later(45)
+    (alone,) = events([series("time/0", Kind.TIME, values)])
+    copies = events([series(f"time/{number}", Kind.TIME, values) for number in range(8)])
+    assert {one.together for one in copies} == {8}
+    assert {(one.night.name, len(one.within)) for one in copies} == {(alone.night.name, len(alone.within))}
+
+
+def test_steps_that_lie_apart_or_go_apart_share_no_night():
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        found = events(
+            [
+                series(f"time/{name}", Kind.TIME, np.exp(noise(random)) * size ** later(at))
+                for name, at, size in (
+                    ("a1", 20, 1.5),
+                    ("a2", 20, 1.5),
+                    ("b1", 45, 1.5),
+                    ("b2", 45, 1.5),
+                    ("up", 45, 1 / 1.5),
+                )
+            ]
+        )
+        steps = {one.key: one for one in found if one.shape is Shape.STEP}
+        assert [steps[f"time/{key}"].together for key in ("a1", "a2", "b1", "b2", "up")] == [2, 2, 2, 2, 1]
+        assert steps["time/a1"].within[-1].name < steps["time/b1"].within[0].name
 
 
 def test_a_change_is_put_to_the_night_with_anything_new():

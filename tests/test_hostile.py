@@ -22,6 +22,7 @@ from actin_xcheck.scene import MAX_SIZE, Scene, load_scene, parse_scene
 from actin_xcheck.store import write_comparison
 from tests.hostile import MEGABYTES, campaign, summary
 from tests.hostile_inputs import DOCUMENTS, NAMES, SMALL, TAGS, formula
+from tests.processes import posix
 from tests.test_report import SCENE, write_run
 
 PLANE = ("x", "y", "r", "theta")
@@ -133,6 +134,7 @@ def test_a_name_stays_in_its_folder_and_out_of_the_markup(name):
     assert line.isprintable()
 
 
+@posix
 def test_files_that_are_no_files(tmp_path):
     """Nothing waits for a pipe, follows a loop of links or reads a device without an end."""
     os.mkfifo(tmp_path / "pipe.toml")

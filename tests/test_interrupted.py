@@ -3,7 +3,6 @@
 import errno
 import multiprocessing
 import os
-import resource
 import shlex
 import signal
 import subprocess
@@ -21,6 +20,9 @@ from actin_xcheck.files import locked, replace_file, unfinished
 from actin_xcheck.scene import load_scene
 from actin_xcheck.store import annotate, read_run
 from tests.kills import FRONTS, KINDS, QUICK, Kind, bits, campaign, go
+from tests.processes import posix
+
+pytestmark = posix
 
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:
@@ -112,6 +114,8 @@ def test_random_kills(tmp_path: Path) -> None:
 def _fill(path: Path, bytes_left: int) -> None:
     """In a process of its own: run with a limit on the size of files."""
     checkpoint.REST = 0.0
+    import resource  # POSIX's
+
     resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_left, bytes_left))
     try:
         go(QUICK[0], path)

@@ -21,6 +21,7 @@ from actin_xcheck.nightly.record import FILE_NAME, Begun, Journal, Kept, read_ni
 from tests import nights
 from tests.lab import FEM, FV
 from tests.nights import Stub, only_night, start
+from tests.processes import posix
 
 here, night = nights.here, nights.night  # fixtures
 
@@ -158,6 +159,7 @@ def test_a_night_is_kept_in_the_history_once(night, tmp_path):
     assert only_night(tmp_path).closed
 
 
+@posix
 @pytest.mark.slow
 def test_a_killed_night_is_gone_on_with(tmp_path):
     log = tmp_path / "log"

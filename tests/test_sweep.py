@@ -22,7 +22,7 @@ from actin_xcheck.sweeping.plan import points_of
 from actin_xcheck.sweeping.table import read_table
 from actin_xcheck.sweeping.task import LOG, Numerics, Task, finished, work
 from tests.ending import killed, process, raises
-from tests.processes import cluster, wait_until
+from tests.processes import cluster, posix, wait_until
 from tests.test_cli import cli, one_line
 from tests.test_tools import command  # noqa: F401  a fixture
 
@@ -238,6 +238,7 @@ def test_options_are_checked(tmp_path: Path, command) -> None:  # noqa: F811
     assert not starts(tmp_path / "out")
 
 
+@posix
 def test_a_process_that_is_killed_costs_its_own_task_only(tmp_path: Path) -> None:
     with executor(2) as processes:
         results = dict(processes.results(killed, [(tmp_path, number) for number in range(6)]))
@@ -249,6 +250,7 @@ def test_a_process_that_is_killed_costs_its_own_task_only(tmp_path: Path) -> Non
     assert begun == {"0": 1, "1": 2, "2": 1, "3": ATTEMPTS, "4": 1, "5": 1}
 
 
+@posix
 def test_processes_serve_all_that_is_asked_of_them_and_one_that_ended_idle_is_replaced() -> None:
     with executor(2) as processes:
         first = {pid for _, pid in processes.results(process, range(8))}

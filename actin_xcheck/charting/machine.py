@@ -1,7 +1,6 @@
 """What is measured of the machine: a fixed computation as its unit of time, and the memory of a process."""
 
 import ctypes
-import resource
 import sys
 import time
 from functools import cache
@@ -70,9 +69,15 @@ def peak_memory() -> int:
 
     Linux's `ru_maxrss` begins with that of the process it was forked from, `VmHWM` does not.
     """
+    if sys.platform == "win32":
+        import psutil
+
+        return int(psutil.Process().memory_info().peak_wset)
     try:
         status = _STATUS.read_text(encoding="ascii")
     except OSError:
+        import resource  # POSIX's
+
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
     line = next(line for line in status.splitlines() if line.startswith("VmHWM:"))

@@ -6,7 +6,7 @@ nights in which a step may have come in follow Siegmund, Confidence sets in chan
 Rev. 56 (1988).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
 from itertools import pairwise
@@ -32,11 +32,14 @@ _WINDOW = 7
 _CLIPPED = 3.0
 """Robust standard deviations that a value may lie off the running median."""
 
-_INSIDE = -2 * np.log(1 - np.sqrt(0.95))
+INSIDE = -2 * np.log(1 - np.sqrt(0.95))
 """Twice the loss of log-likelihood within which the night of a step lies with 95 %: (1 - e^{-x/2})^2."""
 
 _ADVANTAGE = 6.0
-"""By how much more n log(RSS) a drift must explain than the steps: 20 to 1, as steps are the common case."""
+"""By how much more n log(RSS) a drift must explain than the steps: 20 to 1, as steps are the common case.
+
+To it comes log(n), what Schwarz's criterion asks for a parameter more: a drift has an end as well.
+"""
 
 _STARTS = 60
 """Places, spread evenly, where a drift may begin or end in long sequences."""
@@ -69,6 +72,8 @@ class Change:
     old : level before.
     size : of the change; error its standard error, 0 where there is no noise.
     p : bound on the probability of such a change in noise, anywhere in the sequence; 0 without noise.
+    losses : (n,), twice the log-likelihood that is lost where a noisy step is put to each index; inf where it
+        cannot be.  Empty for other changes.
     """
 
     shape: Shape
@@ -79,6 +84,7 @@ class Change:
     size: float
     error: float
     p: float
+    losses: Array = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
 
     @property
     def exact(self) -> bool:
@@ -197,13 +203,17 @@ def _step(y: Array, begin: int, end: int, wider: float) -> Change | None:
     at = int(cuts[np.argmin(rss)])
     if min(at - begin, end - at) < SHORTEST:
         return None
-    near = cuts[count * np.log(rss / rss.min()) <= _INSIDE] if rss.min() > 0 else np.array([at])
+    losses = np.full(len(y), np.inf)
+    losses[at] = 0.0
+    if rss.min() > 0:
+        losses[cuts] = count * np.log(rss / rss.min()) / wider**2
+    near = np.flatnonzero(losses <= INSIDE)
     old = float(y[begin:at].mean())
     size = float(y[at:end].mean()) - old
     noise = (_spread(y[begin:at]) + _spread(y[at:end])) / (count - 2)
     error = wider * float(np.sqrt(noise * (1 / (at - begin) + 1 / (end - at))))
     p = min(1.0, 2 * (len(y) - 1) * student.sf(abs(size) / error, count - 2)) if error > 0 else 0.0
-    return Change(Shape.STEP, at, at, (int(near[0]), int(near[-1])), old, size, error, float(p))
+    return Change(Shape.STEP, at, at, (int(near[0]), int(near[-1])), old, size, error, float(p), losses)
 
 
 def _spread(y: Array) -> float:
@@ -233,10 +243,10 @@ def _drift(y: Array, steps: float, round_off: float) -> Change | None:
     rss = np.maximum(_spread(y) - along**2, 0.0) + count * round_off**2
     loss = count * np.log(rss)
     best = int(np.argmin(loss))
-    if loss[best] + _price(count) + _ADVANTAGE >= steps:
+    if loss[best] + _price(count) + _ADVANTAGE + np.log(count) >= steps:
         return None
     begin, end = (int(place) for place in ends[best])
-    near = ends[loss - loss[best] <= _INSIDE, 0]
+    near = ends[loss - loss[best] <= INSIDE, 0]
     rise = float(np.ptp(shapes[best]))
     size = float(along[best]) * rise
     old = float(y.mean()) + float(along[best] * shapes[best, 0])

@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import false_discovery_control
 
-from actin_xcheck.history.changes import ENOUGH, Change, Shape, changes, without_noise
+from actin_xcheck.history.changes import ENOUGH, Shape, changes, without_noise
 from actin_xcheck.history.record import Judged, Kind, Night, Number, Series
+from actin_xcheck.history.together import Cause, Found, causes
 
 FALSE_SHARE = 0.02
-"""Expected share of false ones among the noisy changes that are reported; without any, their probability."""
+"""Expected share of false ones among the causes of noisy changes, or the probability of any where all are."""
 
 ROUND_OFF = 1e-9
 """Numbers that differ by less, relatively or (orders and rates) of their size, are equal."""
@@ -31,6 +32,7 @@ class Event:
         for and not had any more.
     night : the first that has it.
     within : nights in which it may have begun, at 95 %, in order.
+    together : numbers that say so, this one included (`history.together`).
     until : the night from which on it is whole; `night` but for a drift.
     news : what changed with that night: commit, versions, machine, in words.
     old, new : the number's level before and after.
@@ -45,6 +47,7 @@ class Event:
     shape: Shape
     night: Night
     within: tuple[Night, ...]
+    together: int
     until: Night
     news: tuple[str, ...]
     old: float
@@ -123,22 +126,24 @@ class Turned:
 def events(series: Iterable[Series]) -> list[Event]:
     """Return the changes of all series, the largest first.
 
-    Noisy changes are kept while the false ones are expected to be at most `FALSE_SHARE` of them (Benjamini
-    and Hochberg), so that many quiet series do not bring false alarms; changes without noise are all kept.
+    Noisy changes with one cause count as one (`history.together`).  Causes are kept while the false ones are
+    expected to be at most `FALSE_SHARE` of them (Benjamini and Hochberg), so that many quiet series do not
+    bring false alarms; changes without noise are all kept.
     Times and memory are compared within one machine.
     """
-    sure: list[Event] = []
-    noisy: list[Event] = []
+    found: list[Found] = []
+    lost: list[Event] = []
     quiet = 0
     for part in (part for one in series for part in _parts(one)):
-        found = _events(part)
-        sure += (event for event in found if event.exact)
-        noisy += (here := [event for event in found if not event.exact])
-        quiet += not here and _noisy(part)
+        found += (here := _found(part))
+        lost += _lost(part)
+        quiet += _noisy(part) and all(one.change.exact for one in here)
+    known = causes(found)
+    sure, noisy = ([one for one in known if one.exact is exact] for exact in (True, False))
     if noisy:
-        adjusted = false_discovery_control([event.p for event in noisy] + [1.0] * quiet)
-        sure += (event for event, p in zip(noisy, adjusted, strict=False) if p <= FALSE_SHARE)
-    return sorted(sure, key=_rank)
+        adjusted = false_discovery_control([one.p for one in noisy] + [1.0] * quiet)
+        sure += (one for one, p in zip(noisy, adjusted, strict=False) if p <= FALSE_SHARE)
+    return sorted([_event(one, cause) for cause in sure for one in cause.shown_by] + lost, key=_rank)
 
 
 def differences(old: Iterable[Number], new: Iterable[Number]) -> list[Difference]:
@@ -219,47 +224,30 @@ def _noisy(series: Series) -> bool:
     return len(y) >= ENOUGH and not without_noise(y, _round_off(series))
 
 
-def _events(series: Series) -> list[Event]:
+def _found(series: Series) -> list[Found]:
     """The changes of one series that are exact or not clearly smaller than what is of interest."""
-    had = np.flatnonzero(np.isfinite(series.values))
-    if len(had) == 0:
-        return []
-    found = []
-    known = series.only(had)
-    interest = max(known.interest, _round_off(known))
-    for change in changes(known.scaled, _round_off(known)):
-        if change.exact or abs(change.size) + _BELIEVED * change.error >= interest:
-            found.append(_event(known, _placed(known, change), interest))
-    if (last := had[-1]) < len(series.nights) - 1:
-        found.append(_lost(series, int(last)))
-    return found
+    known = series.only(np.flatnonzero(np.isfinite(series.values)))
+    return [
+        Found(known, change)
+        for change in (changes(known.scaled, _round_off(known)) if known.nights else ())
+        if change.exact or abs(change.size) + _BELIEVED * change.error >= _interest(known)
+    ]
 
 
-def _placed(series: Series, change: Change) -> Change:
-    """The change at the most likely night with anything new in it, where a likely one has.
-
-    A number does not change of itself: where the most likely night has the code, libraries and machine of the
-    night before, the nearest that has not is meant.
-    """
-    first, last = change.within
-    fresh = [at for at in range(first, last + 1) if _news(series, at)]
-    if change.exact or not fresh:
-        return change
-    at = min(fresh, key=lambda place: abs(place - change.first))
-    return replace(change, first=at, last=max(at, change.last) if change.shape is Shape.DRIFT else at)
+def _interest(series: Series) -> float:
+    return max(series.interest, _round_off(series))
 
 
-def _news(series: Series, at: int) -> tuple[str, ...]:
-    return series.nights[at].differences(series.nights[at - 1])
-
-
-def _event(series: Series, change: Change, interest: float) -> Event:
-    nights, (begin, end) = series.nights, change.within
+def _event(found: Found, cause: Cause) -> Event:
+    series, change = found.series, found.change
+    begin, end = cause.within
     old, new = (_value(series.kind, level) for level in (change.old, change.old + change.size))
+    night = cause.nights[cause.at]
     return Event(
-        series.key, series.kind, series.unit, change.shape, nights[change.first], nights[begin : end + 1],
-        nights[change.last], _news(series, change.first), old, new, change.size,
-        abs(change.size) / interest, change.p, change.exact,
+        series.key, series.kind, series.unit, change.shape, night, cause.nights[begin : end + 1],
+        len(cause.shown_by), series.nights[change.last] if change.shape is Shape.DRIFT else night,
+        cause.news(cause.at), old, new, change.size, abs(change.size) / _interest(series), change.p,
+        change.exact,
     )  # fmt: skip
 
 
@@ -267,10 +255,16 @@ def _value(kind: Kind, scaled: float) -> float:
     return math.exp(scaled) if kind.logarithmic else scaled
 
 
-def _lost(series: Series, last: int) -> Event:
-    """A number that could not be had after the night `last`."""
-    at = series.nights[last + 1]
-    return Event(
-        series.key, series.kind, series.unit, Shape.LOST, at, (at,), at, _news(series, last + 1),
-        float(series.values[last]), math.nan, math.nan, math.inf, 0.0, True,
-    )  # fmt: skip
+def _lost(series: Series) -> list[Event]:
+    """That a number could not be had any more, from the night after the last that had it."""
+    had = np.flatnonzero(np.isfinite(series.values))
+    if len(had) == 0 or (last := int(had[-1])) == len(series.nights) - 1:
+        return []
+    nights = series.nights
+    at = nights[last + 1]
+    return [
+        Event(
+            series.key, series.kind, series.unit, Shape.LOST, at, (at,), 1, at, at.differences(nights[last]),
+            float(series.values[last]), math.nan, math.nan, math.inf, 0.0, True,
+        )
+    ]  # fmt: skip
