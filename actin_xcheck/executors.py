@@ -8,6 +8,7 @@ import logging
 import multiprocessing
 import os
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
@@ -30,6 +31,12 @@ ATTEMPTS = 3
 
 _ANSWER = "10 s"
 """How long a scheduler may take to answer."""
+
+ALONE = 60.0
+"""Seconds after which a scheduler without workers is left."""
+
+_PAUSE = 0.05
+"""Seconds between two looks at what has come."""
 
 
 @dataclass(frozen=True)
@@ -192,7 +199,7 @@ class _Cluster:
         futures: list[Any] = self._client.map(work, tasks, pure=False)
         numbers = {future.key: number for number, future in enumerate(futures)}
         try:
-            for future in as_completed(list(futures), loop=self._client.loop):
+            for future in self._as_they_come(as_completed(list(futures), loop=self._client.loop)):
                 try:
                     result: Result | Lost = future.result()
                 except KilledWorker as error:
@@ -204,7 +211,27 @@ class _Cluster:
                         f"--scheduler: a worker cannot import {error.name}; "
                         "valid: workers of an environment in which actin_xcheck is installed"
                     ) from None
+                except RuntimeError as error:  # what the scheduler says where it cannot read the tasks
+                    if not isinstance(error.__cause__, ImportError):
+                        raise
+                    raise UserError(
+                        f"--scheduler: it cannot import {error.__cause__.name}; "
+                        "valid: one of an environment in which actin_xcheck is installed"
+                    ) from None
                 futures[numbers[future.key]] = None  # the cluster may forget it
                 yield numbers[future.key], result
         finally:
             self._client.cancel([future for future in futures if future is not None])
+
+    def _as_they_come(self, coming: Any) -> Iterator[Any]:
+        """Yield futures when they are done; UserError where no worker has been there for a while."""
+        seen = time.monotonic()
+        while coming.count():
+            if coming.has_ready():
+                yield next(coming)
+                continue
+            if self._client.nthreads():
+                seen = time.monotonic()
+            elif time.monotonic() - seen > ALONE:
+                raise UserError("--scheduler: its workers are gone; what was finished is kept")
+            time.sleep(_PAUSE)

@@ -5,6 +5,7 @@ import os
 import re
 from base64 import b64decode
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 from actin_xcheck.report import write_report
 from actin_xcheck.report.film import film_strip
-from actin_xcheck.report.player import STEPS, film_data
+from actin_xcheck.report.player import STEPS, _Store, film_data
 from actin_xcheck.store import Run, read_comparison
 from tests.test_dashboard import CONTRAST, click, press
 from tests.test_report import CHROMIUM, SCRIPT, TIMES, Browser, write_comparison_of_everything
@@ -105,6 +106,18 @@ def test_what_is_no_number_is_packed_as_none(page: Path) -> None:
     data = film_data(runs, strip)
     found = unpacked(data, **data["runs"][0]["frames"][-1]["a"])
     assert np.flatnonzero(np.isnan(found)).tolist() == [3]
+
+
+def test_the_infinite_is_packed_as_none() -> None:
+    assert _Store().field(np.array([1.0, np.inf, 2.0, -np.inf]))["high"] == 2.0
+
+
+def test_two_runs_are_told_apart_where_a_third_has_ended(page: Path) -> None:
+    runs = runs_of(page, "fig14")
+    early = replace(runs[0], times=runs[0].times[:1])
+    data = film_data([early, *runs], film_strip(runs))
+    one, other = (unpacked(data, **run["frames"][-1]["apart"]) for run in data["runs"][1:])
+    assert other - one == pytest.approx(runs[1].a_cells[-1] - runs[0].a_cells[-1], abs=1e-6)
 
 
 def test_a_failed_run_has_no_frame_where_it_had_ended(page: Path) -> None:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import actin_xcheck
+from actin_xcheck import executors
 from actin_xcheck.answers import SweepAnswer
 from actin_xcheck.errors import UserError
 from actin_xcheck.executors import ATTEMPTS, Lost, executor
@@ -297,6 +299,18 @@ scene = "static-decay"
 psi = { from = 0.0, to = 5.0, count = 20 }
 d = { from = 1e-3, to = 1e-1, count = 25, scale = "log" }
 """
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_not_waited_for(tmp_path: Path, monkeypatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "ALONE", 1.0)
+    with cluster(tmp_path, 1) as (address, (_, worker)), executor(1, address) as processes:
+        results = processes.results(time.sleep, [0.0, 60.0])
+        assert next(results) == (0, None)
+        worker.kill()
+        with pytest.raises(UserError, match="its workers are gone"):
+            next(results)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import actin_xcheck
 from actin_xcheck.chart import chart_command
 from actin_xcheck.charting import examine as charting
 from actin_xcheck.charting import points as planning
@@ -23,6 +24,7 @@ from tests.frontiers import FIG14, METHODS_SHOWN, in_process, shrink
 from tests.test_dashboard import click, press
 from tests.test_report import CHROMIUM, Browser, write_comparison_of_everything
 
+STATIC = Path(actin_xcheck.__file__).parent / "report" / "static"
 CURVES, WORK, MAP = "curves", "work", "map"
 
 Pages = Callable[[str], Path]
@@ -221,6 +223,23 @@ def test_what_is_read_from_a_curve_is_what_is_stored(browser: Browser, page_of: 
         assert area == pytest.approx(expected, rel=2e-4)
         assert other == pytest.approx(area, rel=2e-4)
     assert browser.evaluate(f"{chart.svg}.querySelectorAll('.mark').length") == 2
+
+
+def test_nothing_is_read_from_a_gap(browser: Browser, tmp_path: Path) -> None:
+    """A run that failed has no number, and none of its neighbours' may pass for one."""
+    with styled():
+        figure = Figure()
+        axes = figure.add_subplot(xlim=(0, 4), ylim=(0, 6))
+        axes.plot([0, 1, 2, 3, 4], [1, 1, 1, 1, 1], label="all")
+        axes.plot([0, 1, 2, 3, 4], [2, 2, np.nan, 5, 5], label="some")
+        drawn = svg(figure, "a gap", "g")
+    scripts = [(STATIC / name).read_text(encoding="utf-8") for name in ("d3-scale.min.js", "zoom.js")]
+    page = tmp_path / "index.html"
+    page.write_text(drawn + "".join(f"<script>{one}</script>" for one in scripts), encoding="utf-8")
+    chart = opened(browser, page, "a gap")
+    for across, names in ((0.125, "all some"), (0.5, "all"), (0.9, "all some")):
+        chart.mouse("mouseMoved", across, 0.5)
+        assert [part.split()[0] for part in chart.said.split(" · ")[1:]] == names.split()
 
 
 @pytest.mark.slow

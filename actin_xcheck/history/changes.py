@@ -213,7 +213,17 @@ def _step(y: Array, begin: int, end: int, wider: float) -> Change | None:
     noise = (_spread(y[begin:at]) + _spread(y[at:end])) / (count - 2)
     error = wider * float(np.sqrt(noise * (1 / (at - begin) + 1 / (end - at))))
     p = min(1.0, 2 * (len(y) - 1) * student.sf(abs(size) / error, count - 2)) if error > 0 else 0.0
-    return Change(Shape.STEP, at, at, (int(near[0]), int(near[-1])), old, size, error, float(p), losses)
+    return Change(
+        Shape.STEP,
+        at,
+        at,
+        (int(near[0]), int(near[-1])),
+        old,
+        size,
+        error,
+        float(p),
+        losses if error > 0 else np.empty(0),
+    )
 
 
 def _spread(y: Array) -> float:

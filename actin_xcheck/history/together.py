@@ -19,8 +19,10 @@ from actin_xcheck.history.changes import INSIDE, Change
 from actin_xcheck.history.record import Night, Series
 from actin_xcheck.model import Array
 
-_AGREE = -2 * np.log(1 - np.sqrt(0.99))
-"""Twice the log-likelihood a step may lose in the night of others: with 99 % it loses less in its own."""
+_AGREE = -2 * np.log(1 - np.sqrt(0.95))
+"""Twice the log-likelihood a step may lose in the night of others: with 95 % it loses less in its own.
+
+Less would part what belongs together; more would join causes that lie some nights apart."""
 
 _FAR = 3.0
 """Standard deviations of what is left at most: one bad night is no correlation."""

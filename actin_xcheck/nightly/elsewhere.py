@@ -13,6 +13,7 @@ import time
 from dataclasses import replace
 
 from actin_xcheck.errors import UserError
+from actin_xcheck.files import locked
 from actin_xcheck.nightly.carry_out import Task, broken, carry_out
 from actin_xcheck.nightly.record import FILE_NAME, Done, NotRun
 from actin_xcheck.same_code import check_code
@@ -25,6 +26,7 @@ def carry_out_elsewhere(task: Task) -> Done | NotRun:
 
     UserError where this is not the night's code, or where the folder is not to be seen.
     """
+    check_code(task.code)  # of what is imported here, and serves other commands later
     call = [sys.executable, "-c", f"from {__name__} import answer; answer()"]
     began = time.perf_counter()
     with subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
@@ -64,7 +66,9 @@ def answer() -> None:
                 f"the worker on {socket.gethostname()} does not see {task.night}; "
                 "valid: --out names a folder that all machines share"
             )
-        found = carry_out(task)
+        task.folder.parent.mkdir(parents=True, exist_ok=True)
+        with locked(task.folder):  # a check that nobody waits for any more may still be at work there
+            found = carry_out(task)
     except UserError as mistake:
         found = mistake
     with out:

@@ -1,5 +1,6 @@
 """A night as JUnit XML, which continuous integration reads: a suite per check, a case per claim."""
 
+import math
 import re
 import xml.etree.ElementTree as ET
 
@@ -34,7 +35,8 @@ def _suite(root: ET.Element, done: Done, night: Kept) -> None:
         errors=verdicts.count("ERROR"), skipped=verdicts.count("NOT JUDGED"),
     )  # fmt: skip
     suite.set("hostname", _clean({"at": done.host or night.begun.machine})["at"])
-    suite.set("time", f"{done.seconds:.3f}")
+    if math.isfinite(done.seconds):  # of a lost process nobody knows
+        suite.set("time", f"{done.seconds:.3f}")
     for claim, file in zip(done.claims, done.files, strict=True):
         name = f"{claim.scene} [{', '.join(claim.methods)}] {claim.statement}"
         case = ET.SubElement(suite, "testcase", _case(done.name, name))

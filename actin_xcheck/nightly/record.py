@@ -67,7 +67,7 @@ class Done:
     trouble : why there is no verdict, a sentence: the check broke down; empty where it did not.
     reached : functions with a known fault that it called.
     folder : where its files are, relative to the night's.
-    host : name of the cluster's machine that did it; empty where the night's own did.
+    host : name of the cluster's machine that did it; empty without a cluster.
     """
 
     name: str

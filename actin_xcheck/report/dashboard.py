@@ -175,7 +175,9 @@ def write_dashboard(reports: Path) -> Path:
     changed = events(series.values())
     when: dict[str, set[str]] = {}
     for event in changed:
-        when.setdefault(event.key, set()).add(event.night.name)
+        nights = series[event.key].nights  # of which the night that a step shares with others need not be one
+        own = next((night for night in nights if night.date >= event.night.date), event.night)
+        when.setdefault(event.key, set()).add(own.name)
     last = counted[-1] if counted else None
     shown = {one.night.name: read_claims(history, one.night.name) for one in counted[-SHOWN:]}
     claims = shown[last.night.name] if last else {}

@@ -44,7 +44,9 @@ class _Store:
         """Return where values stand that lie between two ends."""
         part = (values - low) / (high - low or 1.0)
         numbers = np.where(
-            np.isfinite(part), np.clip(np.rint(np.nan_to_num(part) * STEPS), 0, STEPS), STEPS + 1
+            np.isfinite(part),
+            np.clip(np.rint(np.nan_to_num(part, posinf=0.0, neginf=0.0) * STEPS), 0, STEPS),
+            STEPS + 1,
         )
         return self.keep(numbers.astype(int))
 
@@ -67,7 +69,7 @@ def film_data(runs: Sequence[Run], strip: FilmStrip) -> dict[str, Any]:
     dict : `times`; `window` (left, bottom, right, top); `scale` and `colours`; `arrays`; and `runs`, each
         with `triangles` (3 n numbers of nodes, k^2 triangles a cell one after the other), `xi`, and `frames`,
         one for each time: `x` (2 N), `a` on triangles and `apart` on cells, cell means less those of the
-        first run that has such cells; None where a run has no frame.
+        first run that has such cells and a frame then; None where a run has no frame.
     """
     store = _Store()
     times = common_times(runs)
@@ -89,16 +91,14 @@ def film_data(runs: Sequence[Run], strip: FilmStrip) -> dict[str, Any]:
 def _run(
     run: Run, runs: Sequence[Run], times: Sequence[float], store: _Store, ends: tuple[Array, Array]
 ) -> dict[str, Any]:
-    first = next(other for other in runs if np.array_equal(other.corners, run.corners))
-    frames = [
-        None if i is None else _frame(run, i, first, j, store, ends)
-        for i, j in zip(frames_at(run, times), frames_at(first, times), strict=True)
-    ]
+    alike = [other for other in runs if np.array_equal(other.corners, run.corners)]
+    numbers = zip(*(frames_at(one, times) for one in (run, *alike)), strict=True)
+    frames = [None if i is None else _frame(run, i, alike, others, store, ends) for i, *others in numbers]
     return {
         "name": run.attributes["method_name"],
         "outcome": run.attributes["outcome"],
         "order": run.order,
-        "like": next(i for i, other in enumerate(runs) if other is first),
+        "like": next(i for i, other in enumerate(runs) if other is alike[0]),
         "triangles": store.keep(run.triangles.T),
         "nodes": run.xi.shape[1],
         "xi": _positions(run.xi, store, ends),
@@ -107,12 +107,19 @@ def _run(
 
 
 def _frame(
-    run: Run, i: int, first: Run, j: int | None, store: _Store, ends: tuple[Array, Array]
+    run: Run,
+    i: int,
+    alike: Sequence[Run],
+    others: Sequence[int | None],
+    store: _Store,
+    ends: tuple[Array, Array],
 ) -> dict[str, Any]:
-    found = {"x": _positions(run.points[i], store, ends), "a": store.field(on_triangles(run, i))}
-    if j is not None:
-        found["apart"] = store.field(run.a_cells[i] - first.a_cells[j])
-    return found
+    base = next(one.a_cells[j] for one, j in zip(alike, others, strict=True) if j is not None)
+    return {
+        "x": _positions(run.points[i], store, ends),
+        "a": store.field(on_triangles(run, i)),
+        "apart": store.field(run.a_cells[i] - base),
+    }
 
 
 def _positions(x: Array, store: _Store, ends: tuple[Array, Array]) -> int:

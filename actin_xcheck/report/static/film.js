@@ -111,7 +111,7 @@
       return [left + (event.clientX - box.left) / box.width * (right - left), top - (event.clientY - box.top) / box.height * (top - bottom)];
     }
 
-    draw({ run, shot, ends, mesh, probe, label, none }) {
+    draw({ run, shot, ends, mesh, probe, stored, label, none }) {
       const { pen, canvas } = this, [factor, left, top] = this.frame, dpr = canvas.width / (canvas.clientWidth || canvas.width);
       pen.clearRect(0, 0, canvas.width, canvas.height);
       const at = (x, n) => [(x[n] - left) * factor, (top - x[n + x.length / 2]) * factor];
@@ -180,7 +180,7 @@
           pen.stroke();
         }
       }
-      this.extent.textContent = this.words + here;
+      this.extent.textContent = stored ? this.words + here : "\u00a0"; // a blend has no numbers
     }
 
     // The value of the triangle under a point.
@@ -212,7 +212,8 @@
     };
     const draw = () => {
       const [left, right] = chosen(), time = words(), none = run => `no frame, the run is ${run.outcome}`;
-      const common = { mesh: mesh.checked && Number.isInteger(place), probe };
+      const stored = Number.isInteger(place);
+      const common = { mesh: mesh.checked && stored, probe: stored ? probe : null, stored };
       [left, right].slice(0, panes.length).forEach((run, i) => panes[i].draw({ ...common, run, shot: film.shot(run, place),
         ends: film.scale, label: `a of ${run.name} at ${time}`, none: none(run) }));
       if (panes[2]) panes[2].draw({ ...common, run: left, shot: film.difference(left, right, place), ends: [-(most || 1), most || 1],
@@ -266,6 +267,8 @@
     mesh.addEventListener("change", draw);
     for (const one of selects) one.addEventListener("change", choose);
     for (const pane of panes) {
+      pane.canvas.addEventListener("focus", () => pane.extent.setAttribute("aria-live", "polite"));
+      pane.canvas.addEventListener("blur", () => pane.extent.removeAttribute("aria-live"));
       pane.canvas.addEventListener("pointermove", event => { probe = pane.world(event); draw(); });
       pane.canvas.addEventListener("pointerleave", () => { probe = null; draw(); });
       pane.canvas.addEventListener("keydown", event => {
@@ -291,9 +294,9 @@
     bars.forEach((bar, i) => { bar.querySelector(".gradient").style.background = film.gradients[i]; });
     choose();
   };
-  document.documentElement.classList.add("live");
   for (const player of document.querySelectorAll(".player")) {
     player.hidden = false;
     start(player);
+    player.closest("figure").classList.add("live"); // in place of its strip
   }
 }

@@ -118,7 +118,8 @@
           : group.querySelector(":scope > path, :scope > polyline");
         if (name && line) {
           const points = parse(line.tagName === "path" ? line.getAttribute("d") : "M" + line.getAttribute("points"))
-            .flatMap(([, numbers]) => numbers.reduce((all, n, i) => (i % 2 ? all.at(-1).push(n) : all.push([n]), all), []));
+            .flatMap(([letter, numbers]) => numbers.reduce((all, n, i) => (i % 2 ? all.at(-1).push(n)
+              : all.push(Object.assign([n], { begins: letter === "M" && !i })), all), []));
           found.push({ name, points, rising: points.every((p, i) => !i || p[0] >= points[i - 1][0]) });
           continue;
         }
@@ -273,7 +274,7 @@
     const after = points.findIndex(point => point[0] >= x - 1e-6);
     if (after < 0) return null;
     const [x1, y1] = points[after], [x0, y0] = points[Math.max(after - 1, 0)];
-    if (after === 0 && x < x1 - .5) return null;
+    if (points[after].begins && x < x1 - .5) return null; // a gap
     return [x, x1 > x0 ? y0 + (y1 - y0) * within((x - x0) / (x1 - x0), 0, 1) : y1];
   };
 
