@@ -168,7 +168,8 @@ def test_the_file_keeps_every_entry_and_the_page_shows_it(tmp_path):
     page = write_audit_page(tmp_path).read_text(encoding="utf-8")
     assert "misprint" in page
     assert "3 &amp; 4" in page
-    assert "<script>" not in page
+    assert "(9.9) &lt;script&gt;" in page
+    assert "(9.9) <script>" not in page
 
 
 def test_every_figure_and_table_has_a_row_and_no_row_evades():
