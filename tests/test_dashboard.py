@@ -1,9 +1,7 @@
 """The pages of the nights in a browser, from file://: keyboard and mouse, narrow and wide, light and dark."""
 
-import os
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +16,9 @@ from actin_xcheck.nightly.keep import HISTORY, remember
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, NotRun, read_night
 from actin_xcheck.report import write_dashboard, write_night_page, write_report
 from actin_xcheck.report.sparkline import lights, sparkline
+from tests.chromium import Browser
 from tests.lab import FEM, FV
-from tests.test_report import CHROMIUM, SCRIPT, Browser, Tags, write_comparison_of_everything
+from tests.test_report import SCRIPT, Tags, write_comparison_of_everything
 
 NIGHTS = 9
 CHECKS = (
@@ -219,14 +218,6 @@ def test_lights_are_told_apart_without_colours() -> None:
     heights = re.findall(r'class="(\w+)" x="\d+" y="\d+" width="5" height="(\d+)"', drawn)
     assert dict(heights)["fail"] > dict(heights)["pass"]
     assert "n&lt;2: not run" in drawn
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if CHROMIUM is None or os.name != "posix":
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
 
 
 def press(browser: Browser, key: str, code: int, text: str = "") -> None:

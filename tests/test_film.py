@@ -1,7 +1,6 @@
 """The film on a comparison's page, in a browser from file://: what is packed, what is clicked."""
 
 import json
-import os
 import re
 from base64 import b64decode
 from collections.abc import Iterator
@@ -15,8 +14,9 @@ from actin_xcheck.report import write_report
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.report.player import STEPS, _Store, film_data
 from actin_xcheck.store import Run, read_comparison
+from tests.chromium import Browser
 from tests.test_dashboard import CONTRAST, click, press
-from tests.test_report import CHROMIUM, SCRIPT, TIMES, Browser, write_comparison_of_everything
+from tests.test_report import SCRIPT, TIMES, write_comparison_of_everything
 
 FILM = "document.querySelector('.player')"
 LAST = "[...document.querySelectorAll('.player')].at(-1)"
@@ -27,17 +27,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("film")
     write_comparison_of_everything(folder, refine=2)
     return write_report(folder)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if CHROMIUM is None or os.name != "posix":
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        browser.ask(
-            "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
-        )
-        yield browser
 
 
 @pytest.fixture

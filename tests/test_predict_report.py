@@ -1,12 +1,10 @@
 """Exhibits in files and on pages: they come back as they were, and the page holds all and no markup."""
 
 import json
-import os
 import re
 import subprocess
 import sys
 from base64 import b64decode
-from collections.abc import Iterator
 from dataclasses import fields
 from io import BytesIO
 from itertools import pairwise
@@ -27,7 +25,7 @@ from actin_xcheck.geometry import disk
 from actin_xcheck.report import write_theory_page
 from actin_xcheck.report.exhibits import draw
 from tests.test_cli import cli, one_line
-from tests.test_report import CHROMIUM, Browser, Tags
+from tests.test_report import Tags
 
 EVIL = "<script>console.error('injected')</script> & \"$\\frac{1}{2}$\" ψ̃"
 MESH = disk(3, 0.8)
@@ -227,14 +225,6 @@ def test_threshold_names_the_lowest():
     assert zero < one
     assert free["lowest"] == {"m": 0, "psi": zero, "crossing": "pair"}
     assert found("--p", "1.646", "--delta", "full", "--m", "1:1")["lowest"] is None
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory) -> Iterator[Browser]:
-    if CHROMIUM is None or os.name != "posix":
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
 
 
 def test_a_browser_shows_the_page_without_a_complaint_and_within_its_window(browser, page):

@@ -1,7 +1,6 @@
 """Charts that are zoomed and read, in a browser from file://: curves, error against work, maps."""
 
 import json
-import os
 import re
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -20,9 +19,10 @@ from actin_xcheck.frontier import examine as frontier
 from actin_xcheck.report import write_frontier_page, write_report
 from actin_xcheck.report.svg import styled, svg
 from actin_xcheck.store import read_comparison
+from tests.chromium import Browser
 from tests.frontiers import FIG14, METHODS_SHOWN, in_process, shrink
 from tests.test_dashboard import click, press
-from tests.test_report import CHROMIUM, Browser, write_comparison_of_everything
+from tests.test_report import write_comparison_of_everything
 
 STATIC = Path(actin_xcheck.__file__).parent / "report" / "static"
 CURVES, WORK, MAP = "curves", "work", "map"
@@ -56,17 +56,6 @@ def page_of(tmp_path_factory: pytest.TempPathFactory) -> Pages:
         return folder / "index.html"
 
     return made
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if CHROMIUM is None or os.name != "posix":
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        browser.ask(
-            "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
-        )
-        yield browser
 
 
 @pytest.fixture(autouse=True)

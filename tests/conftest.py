@@ -1,0 +1,20 @@
+"""What tests of several files are given."""
+
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from tests.chromium import CHROMIUM, Browser
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A browser with a window of 1280 by 900."""
+    if CHROMIUM is None or os.name != "posix":
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.ask(
+            "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
+        )
+        yield browser
