@@ -13,7 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -195,6 +195,7 @@ class _Cluster:
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
         from distributed import KilledWorker, as_completed
+        from distributed.comm import CommClosedError
 
         futures: list[Any] = self._client.map(work, tasks, pure=False)
         numbers = {future.key: number for number, future in enumerate(futures)}
@@ -204,8 +205,8 @@ class _Cluster:
                     result: Result | Lost = future.result()
                 except KilledWorker as error:
                     result = Lost(" ".join(str(error).split()))
-                except CancelledError:
-                    raise UserError("--scheduler: it is gone; what was finished is kept") from None
+                except (CancelledError, CommClosedError):
+                    raise _gone() from None
                 except ImportError as error:
                     raise UserError(
                         f"--scheduler: a worker cannot import {error.name}; "
@@ -221,7 +222,8 @@ class _Cluster:
                 futures[numbers[future.key]] = None  # the cluster may forget it
                 yield numbers[future.key], result
         finally:
-            self._client.cancel([future for future in futures if future is not None])
+            with suppress(OSError):  # where the scheduler is gone there is nothing to cancel
+                self._client.cancel([future for future in futures if future is not None])
 
     def _as_they_come(self, coming: Any) -> Iterator[Any]:
         """Yield futures when they are done; UserError where no worker has been there for a while."""
@@ -230,8 +232,16 @@ class _Cluster:
             if coming.has_ready():
                 yield next(coming)
                 continue
-            if self._client.nthreads():
+            try:
+                workers = self._client.nthreads()
+            except OSError:
+                raise _gone() from None
+            if workers:
                 seen = time.monotonic()
             elif time.monotonic() - seen > ALONE:
                 raise UserError("--scheduler: its workers are gone; what was finished is kept")
             time.sleep(_PAUSE)
+
+
+def _gone() -> UserError:
+    return UserError("--scheduler: it is gone; what was finished is kept")
