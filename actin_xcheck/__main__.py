@@ -3,7 +3,7 @@
 import sys
 
 try:
-    from actin_xcheck.cli import main
+    from actin_xcheck.cli.app import main
 except KeyboardInterrupt:  # within the seconds of imports nothing has begun
     sys.exit(130)
 

@@ -10,18 +10,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from actin_xcheck import compare as comparison
-from actin_xcheck import pictures, runs
-from actin_xcheck.command_line import make_folder, report_folder
-from actin_xcheck.errors import UserError
-from actin_xcheck.fidelity import Fidelity, reduced
-from actin_xcheck.registry import METHODS, find_method
+from actin_xcheck.cli.options import make_folder, report_folder
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.report import write_report
-from actin_xcheck.scene import Scene, load_scene
-from actin_xcheck.store import Comparison, Run, read_comparison, read_run
-from actin_xcheck.sweeping.carry_out import carry_out, plan
-from actin_xcheck.sweeping.table import SweepTable
-from actin_xcheck.sweeping.task import Numerics
+from actin_xcheck.runs import pictures
+from actin_xcheck.runs import run as runs
+from actin_xcheck.runs.fidelity import Fidelity, reduced
+from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
+from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.studies import compare as comparison
+from actin_xcheck.studies.sweep.carry_out import carry_out, plan
+from actin_xcheck.studies.sweep.table import SweepTable
+from actin_xcheck.studies.sweep.task import Numerics
 
 __all__ = ["cross_check", "load", "render", "run", "sweep"]
 
@@ -56,8 +57,8 @@ def run(
 
     Parameters
     ----------
-    scene : a shipped name, the path of a TOML file, or what `load_scene` of `actin_xcheck.scene` returns.
-    method : a name out of `actin_xcheck.registry.METHODS`.
+    scene : a shipped name, the path of a TOML file, or what `load_scene` of `actin_xcheck.scene.scene` returns.
+    method : a name out of `actin_xcheck.runs.method.METHODS`.
     refine, dt : the mesh has 2**refine layers, steps are of at most dt; else as published, else 5 and 100
         steps.
     rtol : largest local error of a step, for an adaptive method.
@@ -93,7 +94,7 @@ def cross_check(
     Parameters
     ----------
     scenes : shipped names or paths of TOML files.
-    methods : names out of `actin_xcheck.registry.METHODS`.
+    methods : names out of `actin_xcheck.runs.method.METHODS`.
     refine, dt, rtol : as for `run`; `rtol` for the adaptive methods among them.
     out : a new folder for runs and report; else `reports/compare-<date>`.
 
@@ -131,7 +132,7 @@ def sweep(
     Parameters
     ----------
     file : a TOML file of ranges over a scene, or of scenes.
-    methods : one or several names out of `actin_xcheck.registry.METHODS`.
+    methods : one or several names out of `actin_xcheck.runs.method.METHODS`.
     out : folder of the runs; what is there already is not run again.
     jobs : processes on this machine; else as many as it has cores.
     scheduler : address of a `dask.distributed` scheduler, in place of `jobs`.
@@ -156,7 +157,7 @@ def render(run: Run | str | Path, out: str | Path, *, time: float | None = None,
     run : what `run` or `load` returned, or the path of one.
     out : the picture's file, replaced where it exists.
     time : output time of a .png; else the last.
-    field : a name out of `actin_xcheck.pictures.FIELDS`.
+    field : a name out of `actin_xcheck.runs.pictures.FIELDS`.
     """
     stored = run if isinstance(run, Run) else read_run(Path(run))
     pictures.render(stored, Path(out), time, field)

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.accuracy import deliver
-from actin_xcheck.registry import METHODS
-from actin_xcheck.resolve import mesh_of
-from actin_xcheck.runs import bind, run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import read_run
-from actin_xcheck.verdicts import reference_errors
+from actin_xcheck.runs.accuracy import deliver
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.scene.resolve import mesh_of
+from actin_xcheck.runs.run import bind, run
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.verdicts.judge import reference_errors
 from benchmarks import plain_skfem
 
 SCENE, PAPER = load_scene("fig14-four-fronts"), METHODS["fem-p1-paper"]

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.geometry import signed_areas
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import Move, State
+from actin_xcheck.core.mesh import signed_areas
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.core.contract import Move, State
 from fv.mesh import Faces, fipy
 
 SCENE, DT = load_scene("fig14-four-fronts"), 1.0228e-3

@@ -24,11 +24,11 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Array, Closure
-from actin_xcheck.registry import FORCE_BALANCE, METHODS, load
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import Problem
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.core.contract import Problem
 
 SCENE, DT = load_scene("fig14-four-fronts"), 1.0228e-3
 OURS = {"fem-p1-paper": Closure.REFERENCE_NORMAL, "the same, current-normal": Closure.CURRENT_NORMAL}

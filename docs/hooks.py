@@ -16,10 +16,10 @@ from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
 
-from actin_xcheck import cli  # which loads all answers  # noqa: F401
-from actin_xcheck.answers import schemas
-from actin_xcheck.prediction.errata import ERRATA
-from actin_xcheck.registry import METHODS
+from actin_xcheck.cli import app as cli  # which loads all answers  # noqa: F401
+from actin_xcheck.cli.output import schemas
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.theory.errata import ERRATA
 
 PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
 
@@ -28,7 +28,7 @@ PROGRAM = "python -m actin_xcheck"
 
 def on_files(files: Any, config: Any) -> Any:
     """Add the command reference, as Typer writes it, and a picture that lies elsewhere."""
-    command = [sys.executable, "-m", "typer", "actin_xcheck.cli", "utils", "docs", "--name", PROGRAM]
+    command = [sys.executable, "-m", "typer", "actin_xcheck.cli.app", "utils", "docs", "--name", PROGRAM]
     environment = os.environ | {"PYTHONUTF8": "1"}
     done = subprocess.run(
         [*command, "--title", "Commands"], capture_output=True, encoding="utf-8", env=environment, check=False

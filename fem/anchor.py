@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from actin_xcheck.geometry import Indices
-from actin_xcheck.linear import Preconditioner
-from actin_xcheck.model import Array
+from actin_xcheck.core.linear import Preconditioner
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
 
 WEAR = 0.2
 """Square of the strain that wears an anchor out, over the strain of a step.

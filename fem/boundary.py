@@ -10,8 +10,8 @@ The straight sides of a sector are mirror lines: v.n = 0 and no shear traction; 
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Indices, Symmetry
-from actin_xcheck.model import Array, Closure
+from actin_xcheck.core.mesh import Indices, Symmetry
+from actin_xcheck.core.model import Array, Closure
 from fem.kernels import Pattern, bincount
 from fem.space import Space
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre
 from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4
 
-from actin_xcheck.model import Array
+from actin_xcheck.core.model import Array
 
 UNIFORM = {1: ElementTriP1(), 2: ElementTriP2(), 3: ElementTriP3(), 4: ElementTriP4()}
 """scikit-fem's elements by order k: their numbering and their polynomials are ours."""

@@ -5,7 +5,7 @@ from typing import Any
 from skfem import BilinearForm, LinearForm
 from skfem.helpers import ddot, div, dot, grad, sym_grad
 
-from actin_xcheck.model import Model
+from actin_xcheck.core.model import Model
 
 
 def isotropic(moduli: tuple[float, float], u: Any, w: Any) -> Any:

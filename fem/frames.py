@@ -8,10 +8,10 @@ edge agree.
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Indices
-from actin_xcheck.lagrange import nodes
-from actin_xcheck.model import Array
-from actin_xcheck.solver import Grid
+from actin_xcheck.core.contract import Grid
+from actin_xcheck.core.lagrange import nodes
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
 from fem.element import UNIFORM, barycentric, lagrange
 from fem.space import Space
 

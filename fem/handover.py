@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.model import Array
-from actin_xcheck.observables import Measures
-from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Frame, Grid, Memento, Probes, Problem, Solver, State
+from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, Solver, State
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.observables import Measures
+from actin_xcheck.core.outcome import Outcome
 from fem.modal import Modal, ModalState
 
 

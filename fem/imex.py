@@ -18,12 +18,7 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.model import Array
-from actin_xcheck.motion import PrescribedMotion
-from actin_xcheck.observables import Measures
-from actin_xcheck.result import Outcome
-from actin_xcheck.solver import (
+from actin_xcheck.core.contract import (
     Frame,
     Grid,
     Mechanics,
@@ -36,6 +31,11 @@ from actin_xcheck.solver import (
     remembered,
     straight_frame,
 )
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.motion import PrescribedMotion
+from actin_xcheck.core.observables import Measures
+from actin_xcheck.core.outcome import Outcome
 from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.frames import Lattice

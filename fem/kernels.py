@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Indices
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
 from fem import forms
 
 

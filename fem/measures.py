@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from actin_xcheck.geometry import Indices
-from actin_xcheck.model import Array
-from actin_xcheck.observables import Measures
-from actin_xcheck.result import COMPLETED, Ending, Outcome
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.observables import Measures
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.element import lagrange
 from fem.kernels import Rule
 from fem.space import Space

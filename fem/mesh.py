@@ -12,8 +12,8 @@ from skfem import Basis, ElementTriP1, ElementVector, FacetBasis, MeshTri
 from skfem.element import DiscreteField, ElementDG
 from skfem.helpers import det, inv
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array
 
 
 def interleave(x: Array) -> Array:

@@ -13,11 +13,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.model import Array, Closure, Model, Rheology
-from actin_xcheck.observables import Measures
-from actin_xcheck.result import COMPLETED, Ending, Outcome
-from actin_xcheck.solver import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array, Closure, Model, Rheology
+from actin_xcheck.core.observables import Measures
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.radial_modes import AngularMode, slopes
 from fem.radial_space import Canvas, Ray
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from actin_xcheck.model import Array
-from actin_xcheck.result import COMPLETED, Ending, Outcome
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.space import Space
 
 SLIVER = 0.2

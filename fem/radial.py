@@ -18,13 +18,13 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.linear import TOLERANCE
-from actin_xcheck.model import Array, Closure, Rheology
-from actin_xcheck.motion import PrescribedMotion
-from actin_xcheck.observables import Measures
-from actin_xcheck.result import COMPLETED, Ending, Outcome
-from actin_xcheck.solver import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.linear import TOLERANCE
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array, Closure, Rheology
+from actin_xcheck.core.motion import PrescribedMotion
+from actin_xcheck.core.observables import Measures
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.radial_space import Canvas, Ray
 from fem.tableaux import TABLEAUX
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
-from actin_xcheck.model import Array, Closure, Delta, Model, Rheology
+from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from fem.radial_space import Ray
 
 

@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.legendre import Legendre, leggauss, legvander
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.model import Array
-from actin_xcheck.solver import Frame
+from actin_xcheck.core.contract import Frame
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array
 from fem.frames import Lattice
 from fem.measures import cell_means
 from fem.space import Space

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from actin_xcheck.geometry import Indices, Mesh, signed_areas
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Indices, Mesh, signed_areas
+from actin_xcheck.core.model import Array
 from fem.quality import SLIVER, shapes
 from fem.remesh_space import new_mesh, pulled_back
 from fem.remesh_transfer import Reading

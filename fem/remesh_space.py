@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from actin_xcheck.geometry import ON_A_CIRCLE, Indices, Mesh
-from actin_xcheck.model import Array, Model
+from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh
+from actin_xcheck.core.model import Array, Model
 from fem.element import lagrange
 from fem.force_balance import ForceBalance
 from fem.remesh_transfer import Reading

@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from actin_xcheck import lagrange
-from actin_xcheck.geometry import ON_A_LINE, Indices, Mesh, shared_nodes, unfold
-from actin_xcheck.model import Array
-from actin_xcheck.observables import Measures
-from actin_xcheck.result import Outcome
-from actin_xcheck.solver import Frame, Grid, Memento, Probes, Solver, State
+from actin_xcheck.core import lagrange
+from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Solver, State
+from actin_xcheck.core.mesh import ON_A_LINE, Indices, Mesh, shared_nodes, unfold
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.observables import Measures
+from actin_xcheck.core.outcome import Outcome
 
 
 @dataclass(frozen=True, eq=False)

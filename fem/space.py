@@ -8,9 +8,9 @@ import numpy as np
 from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
-from actin_xcheck.geometry import ON_A_CIRCLE, Indices, Mesh, Symmetry, arcs, signed_areas
-from actin_xcheck.linear import nested_dissection
-from actin_xcheck.model import Array
+from actin_xcheck.core.linear import nested_dissection
+from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, Symmetry, arcs, signed_areas
+from actin_xcheck.core.model import Array
 from fem.element import UNIFORM, lagrange
 from fem.kernels import RimRule, Rule, Scatter
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from skfem import BilinearForm
 from skfem.helpers import div, dot
 
-from actin_xcheck.geometry import Mesh
-from actin_xcheck.model import Closure, Model, Rheology
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Closure, Model, Rheology
 from fem import forms
 from fem.force_balance import ForceBalance
 

@@ -7,8 +7,8 @@ them: what couples the two ends of an edge is summed over its cells, and diagona
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Indices
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
 from fem.kernels import Sample, bincount
 from fem.space import Space
 

@@ -10,7 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from actin_xcheck.model import Array
+from actin_xcheck.core.model import Array
 
 
 @dataclass(frozen=True, eq=False)

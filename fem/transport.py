@@ -4,9 +4,9 @@ from math import log2
 
 import scipy.sparse as sp
 
-from actin_xcheck.linear import Preconditioner, SymmetricSolver
-from actin_xcheck.model import Array
-from actin_xcheck.result import Outcome
+from actin_xcheck.core.linear import Preconditioner, SymmetricSolver
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.outcome import Outcome
 from fem.anchor import Anchor
 from fem.space import Space
 

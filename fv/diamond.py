@@ -9,8 +9,8 @@ exactly for linear fields.  Without it the scheme does not converge on triangles
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import Indices
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
 from fv.mesh import Faces
 
 

@@ -14,8 +14,8 @@ old configuration.  Both codes then share one error in dt, and what is left betw
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.geometry import signed_areas
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import signed_areas
+from actin_xcheck.core.model import Array
 from fv.mesh import Faces, fipy
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
-from actin_xcheck import linear
-from actin_xcheck.counters import FACTORISATIONS, SOLVES, WORK
-from actin_xcheck.model import Array
-from actin_xcheck.result import COMPLETED, Outcome
+from actin_xcheck.core import linear
+from actin_xcheck.core.model import Array
+from actin_xcheck.core.outcome import COMPLETED, Outcome
+from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
 
 Inverse = Callable[[Array], Array]
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.geometry import Indices, Mesh
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Indices, Mesh
+from actin_xcheck.core.model import Array
 
 
 def _import_fipy() -> Any:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 from skfem import LinearForm
 
-from actin_xcheck.motion import PrescribedMotion
-from actin_xcheck.solver import Move
+from actin_xcheck.core.contract import Move
+from actin_xcheck.core.motion import PrescribedMotion
 from fem import forms
 from fem.force_balance import ForceBalance
 from fem.kernels import Sample

@@ -5,16 +5,16 @@ from contextlib import contextmanager
 
 import pytest
 
-from actin_xcheck.accuracy import LEVELS
-from actin_xcheck.executors import Lost
-from actin_xcheck.frontier import answers
-from actin_xcheck.frontier import examine as examination
-from actin_xcheck.frontier import planes as planning
-from actin_xcheck.frontier.answers import Answer
-from actin_xcheck.frontier.bisection import Bisection
-from actin_xcheck.frontier.planes import Axis, Plane
-from actin_xcheck.registry import METHODS
-from actin_xcheck.scene import load_scene
+from actin_xcheck.runs.accuracy import LEVELS
+from actin_xcheck.runs.executor import Lost
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.frontier import answers
+from actin_xcheck.studies.frontier import examine as examination
+from actin_xcheck.studies.frontier import planes as planning
+from actin_xcheck.studies.frontier.answers import Answer
+from actin_xcheck.studies.frontier.bisection import Bisection
+from actin_xcheck.studies.frontier.planes import Axis, Plane
 from tests.lab import FEM
 
 FIG14 = load_scene("fig14-four-fronts")

@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from actin_xcheck.history.record import Kind, Night, Series
+from actin_xcheck.nightly.history.record import Kind, Night, Series
 
 NIGHTS = 60
 ROUND_OFF = 1e-9

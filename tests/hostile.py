@@ -20,13 +20,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from actin_xcheck import cli, runs
-from actin_xcheck.charting.machine import peak_memory
-from actin_xcheck.compare import jobs_of
-from actin_xcheck.errors import LONGEST, UserError
-from actin_xcheck.registry import METHODS
-from actin_xcheck.scene import Scene, load_scene
-from actin_xcheck.store import read_run
+from actin_xcheck.cli import app as cli
+from actin_xcheck.core.errors import LONGEST, UserError
+from actin_xcheck.runs import run as runs
+from actin_xcheck.runs.machine import peak_memory
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.studies.compare import jobs_of
 from tests.hostile_inputs import Input, a_run, draw_input
 from tests.hostile_reports import REPORTS, a_report
 

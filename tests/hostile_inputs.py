@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene, scene_text, shipped_scenes
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
 from tests.hostile_reports import REPORTS, a_report
 
 SMALL = """name = "h"

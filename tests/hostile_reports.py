@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.atlas.predictions import FILE_NAME as PREDICTIONS_FILE
-from actin_xcheck.atlas.predictions import write_predictions
-from actin_xcheck.claims import Claim
-from actin_xcheck.convergence.orders import observe
-from actin_xcheck.convergence.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.convergence.record import Result, write_convergence
-from actin_xcheck.exhibits import Chapter, Line, Picture, Plot, Sheet
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import provenance, write_comparison
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.report.exhibits import Chapter, Line, Picture, Plot, Sheet
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import provenance, write_comparison
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
+from actin_xcheck.studies.converge.record import Result, write_convergence
+from actin_xcheck.studies.theory.predictions import FILE_NAME as PREDICTIONS_FILE
+from actin_xcheck.studies.theory.predictions import write_predictions
+from actin_xcheck.verdicts.orders import observe
 
 
 @functools.cache

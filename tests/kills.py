@@ -17,13 +17,14 @@ from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from actin_xcheck import checkpoint, runs
-from actin_xcheck.fidelity import Fidelity, reduced
-from actin_xcheck.files import unfinished
-from actin_xcheck.registry import HAND_OVER, METHODS, MODAL, RADIAL, SECTOR
-from actin_xcheck.result import Outcome
-from actin_xcheck.scene import Scene, load_scene, parse_scene
-from actin_xcheck.store import read_run, reading
+from actin_xcheck.core.files import unfinished
+from actin_xcheck.core.outcome import Outcome
+from actin_xcheck.runs import checkpoint
+from actin_xcheck.runs import run as runs
+from actin_xcheck.runs.fidelity import Fidelity, reduced
+from actin_xcheck.runs.method import HAND_OVER, METHODS, MODAL, RADIAL, SECTOR
+from actin_xcheck.runs.store import read_run, reading
+from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 
 OFTEN = 2.0
 """For `checkpoint.REST`: a third of a run's time goes into checkpoints, so that many kills hit one."""
@@ -174,7 +175,9 @@ class Lab:
         self.fresh = multiprocessing.get_context("spawn")
         self.warm = multiprocessing.get_context("forkserver")
         solvers = (*(method.solver for method in METHODS.values()), RADIAL, SECTOR, MODAL, HAND_OVER)
-        self.warm.set_forkserver_preload(["actin_xcheck.runs", *(target.split(":")[0] for target in solvers)])
+        self.warm.set_forkserver_preload(
+            ["actin_xcheck.runs.run", *(target.split(":")[0] for target in solvers)]
+        )
 
     def start(self, kind: Kind, path: Path, resume: bool) -> BaseProcess:
         """Start one."""

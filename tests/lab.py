@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from actin_xcheck.geometry import INTERIOR_POINTS, quadrature_points, signed_areas
-from actin_xcheck.model import Array, Delta, Model
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.registry import METHODS
-from actin_xcheck.result import Outcome
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import Scene, parse_scene
-from actin_xcheck.solver import Solver, State
-from actin_xcheck.stepping import integrate
+from actin_xcheck.core.contract import Solver, State
+from actin_xcheck.core.mesh import INTERIOR_POINTS, quadrature_points, signed_areas
+from actin_xcheck.core.model import Array, Delta, Model
+from actin_xcheck.core.outcome import Outcome
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.march import integrate
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import Scene, parse_scene
 
 FEM, FV = "fem-p1-paper", "fv-coupled"
 

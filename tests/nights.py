@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 import typer
 
-from actin_xcheck import nightly_command as commands
-from actin_xcheck.claims import Claim
-from actin_xcheck.history.record import Kind, Number
+from actin_xcheck.cli import nightly as commands
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.items import Found, NotDecided
+from actin_xcheck.nightly.checks import Found, NotDecided
+from actin_xcheck.nightly.history.record import Kind, Number
 from actin_xcheck.nightly.plan import Plan
 from actin_xcheck.nightly.record import FILE_NAME, Kept, read_night
-from actin_xcheck.workers import in_turn as in_this_process
+from actin_xcheck.runs.workers import in_turn as in_this_process
 from tests.lab import FEM
 from tests.processes import in_turn
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from actin_xcheck.accuracy import deliver, estimated
-from actin_xcheck.cli import main
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import read_run
-from actin_xcheck.third_corner import known
-from actin_xcheck.verdicts import reference_errors
+from actin_xcheck.cli.app import main
+from actin_xcheck.runs.accuracy import deliver, estimated
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.verdicts.judge import reference_errors
+from actin_xcheck.verdicts.known import known
 from tests.lab import scene_of
 
 REFERENCED = (

@@ -5,14 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from actin_xcheck.atlas.borders import at, cell_branches, prove
-from actin_xcheck.atlas.curves import pictures, plots
-from actin_xcheck.atlas.regions import DAMPED, INFINITE, P_MAX, PSI_MAX, STABLE, centres, delta_sheet, maps
-from actin_xcheck.atlas.sheets import errata_sheet
-from actin_xcheck.exhibits import Regions
-from actin_xcheck.model import Closure, Delta, Model
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import (
+from actin_xcheck.core.model import Closure, Delta, Model
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.report.exhibits import Regions
+from actin_xcheck.studies.theory.curves import pictures, plots
+from actin_xcheck.studies.theory.regions import (
+    DAMPED,
+    INFINITE,
+    P_MAX,
+    PSI_MAX,
+    STABLE,
+    centres,
+    delta_sheet,
+    maps,
+)
+from actin_xcheck.studies.theory.sheets import errata_sheet
+from actin_xcheck.theory import (
     DiskModes,
     Mode,
     Version,
@@ -21,6 +29,7 @@ from actin_xcheck.prediction import (
     sigma_prime,
     wavenumber,
 )
+from actin_xcheck.theory.borders import at, cell_branches, prove
 
 CELLS = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE]
 SOFT = 1.75 / 1.5

@@ -11,29 +11,29 @@ import h5py
 import numpy as np
 import pytest
 
-from actin_xcheck.audit.record import FILE_NAME, Entry, read_audit, write_audit
-from actin_xcheck.audit.row import Finding, Judgement
-from actin_xcheck.audit.rows import ROWS
-from actin_xcheck.audit.simulations.checks import FAILS, HOLDS, OPEN, Case, Check, simulation
-from actin_xcheck.audit.simulations.readouts import (
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Closure, Model, Rheology
+from actin_xcheck.core.observables import centroid
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.report import write_audit_page
+from actin_xcheck.report.exhibits import Sheet
+from actin_xcheck.runs.method import FORCE_BALANCE, load
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.studies.audit.record import FILE_NAME, Entry, read_audit, write_audit
+from actin_xcheck.studies.audit.row import Finding, Judgement
+from actin_xcheck.studies.audit.rows import ROWS
+from actin_xcheck.studies.audit.simulations.checks import FAILS, HOLDS, OPEN, Case, Check, simulation
+from actin_xcheck.studies.audit.simulations.readouts import (
     area_change,
     displacement_likeness,
     fronts,
     mode_share,
     rim_excess,
 )
-from actin_xcheck.audit.simulations.studies import FEM, Evidence, Limit, Study, changed, plan
-from actin_xcheck.audit.simulations.translation import UnprojectedKrylov
-from actin_xcheck.compare import is_done, run_all
-from actin_xcheck.exhibits import Sheet
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Closure, Model, Rheology
-from actin_xcheck.observables import centroid
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import Mode
-from actin_xcheck.registry import FORCE_BALANCE, load
-from actin_xcheck.report import write_audit_page
-from actin_xcheck.scene import load_scene, parse_scene
+from actin_xcheck.studies.audit.simulations.studies import FEM, Evidence, Limit, Study, changed, plan
+from actin_xcheck.studies.audit.simulations.translation import UnprojectedKrylov
+from actin_xcheck.studies.compare import is_done, run_all
+from actin_xcheck.theory import Mode
 
 
 def quiet(label, done, total):
@@ -74,7 +74,7 @@ def test_the_limit_is_extrapolated_and_its_uncertainty_covers_what_is_left(monke
         h = 2.0**-n
         return 2.0 + 3 * h**2 + dt - 0.5 * dt**2 + 20 * h**4 + 0.7 * h**3
 
-    monkeypatch.setattr("actin_xcheck.audit.simulations.studies._read", expansion)
+    monkeypatch.setattr("actin_xcheck.studies.audit.simulations.studies._read", expansion)
     at = iter(levels)
     found = evidence.limit(area_change, 1.0)
     assert found.value == pytest.approx(2.0, abs=1e-3)

@@ -6,12 +6,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from actin_xcheck.audit.row import Finding, Judgement
-from actin_xcheck.audit.theory import THEORY, equations_linear, stability_sentences, tables
-from actin_xcheck.audit.theory.measures import Triangles, disk_quadrature, found, rounds_to
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Delta, Model
-from actin_xcheck.prediction import Mode, Version, sigma_prime
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Delta, Model
+from actin_xcheck.studies.audit.row import Finding, Judgement
+from actin_xcheck.studies.audit.theory import THEORY, equations_linear, stability_sentences, tables
+from actin_xcheck.studies.audit.theory.measures import Triangles, disk_quadrature, found, rounds_to
+from actin_xcheck.theory import Mode, Version, sigma_prime
 
 ROWS = {row.key: row for row in THEORY}
 

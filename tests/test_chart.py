@@ -13,26 +13,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from actin_xcheck.chart import chart_command
-from actin_xcheck.charting import examine as examination
-from actin_xcheck.charting import points as planning
-from actin_xcheck.charting.advice import advice_of, in_words
-from actin_xcheck.charting.alone import work_alone
-from actin_xcheck.charting.cloud import cloud
-from actin_xcheck.charting.front import advise, front
-from actin_xcheck.charting.machine import forget_peak, peak_memory, reference_kernel
-from actin_xcheck.charting.measure import measured
-from actin_xcheck.charting.points import Point, ladder, published
-from actin_xcheck.charting.record import FILE_NAME, read_chart
-from actin_xcheck.charting.truth import Quantity, errors_of, truth_of
-from actin_xcheck.cli import app
-from actin_xcheck.errors import UserError
-from actin_xcheck.registry import METHODS
+from actin_xcheck.cli.app import app
+from actin_xcheck.cli.chart import chart_command
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.report import write_chart_page
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import read_run
-from actin_xcheck.verdicts import l2_error
+from actin_xcheck.runs.alone import work_alone
+from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.chart import examine as examination
+from actin_xcheck.studies.chart import points as planning
+from actin_xcheck.studies.chart.advice import advice_of, in_words
+from actin_xcheck.studies.chart.cloud import cloud
+from actin_xcheck.studies.chart.front import advise, front
+from actin_xcheck.studies.chart.measure import measured
+from actin_xcheck.studies.chart.points import Point, ladder, published
+from actin_xcheck.studies.chart.record import FILE_NAME, read_chart
+from actin_xcheck.studies.chart.truth import Quantity, errors_of, truth_of
+from actin_xcheck.verdicts.judge import l2_error
 from tests.lab import FEM, FV, quiet, scene_of
 
 IMEX = "fem-p2-imex3"

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from actin_xcheck.scene import scene_text
+from actin_xcheck.scene.scene import scene_text
 
 SERIES = {
     "time": (), "dt": (), "area": (), "total_actin": (), "balance_residual": (), "centroid": (2,),

@@ -6,23 +6,30 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actin_xcheck import closures_command
-from actin_xcheck.closures import examine as examination
-from actin_xcheck.closures import record
-from actin_xcheck.closures.examine import METHODS, ROUGH_SCENE, examine, plan
-from actin_xcheck.closures.findings import JUDGED, departure, ladders, on_growth, on_refinement, reason
-from actin_xcheck.closures.growth import Ripples, measure
-from actin_xcheck.closures.record import FILE_NAME, read_closures, write_closures
-from actin_xcheck.closures.refinement import Course, Rim, follow
-from actin_xcheck.closures.rims import distance, roughness
-from actin_xcheck.errors import UserError
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction.ripples import advance_per_fold, contrast, half_plane_rate, ripple_exponent
+from actin_xcheck.cli import closures as closures_command
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report import write_closures_page
-from actin_xcheck.scene import load_scene
-from actin_xcheck.workers import in_turn
+from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.closures import examine as examination
+from actin_xcheck.studies.closures import record
+from actin_xcheck.studies.closures.examine import METHODS, ROUGH_SCENE, examine, plan
+from actin_xcheck.studies.closures.findings import (
+    JUDGED,
+    departure,
+    ladders,
+    on_growth,
+    on_refinement,
+    reason,
+)
+from actin_xcheck.studies.closures.growth import Ripples, measure
+from actin_xcheck.studies.closures.record import FILE_NAME, read_closures, write_closures
+from actin_xcheck.studies.closures.refinement import Course, Rim, follow
+from actin_xcheck.studies.closures.rims import distance, roughness
+from actin_xcheck.theory.ripples import advance_per_fold, contrast, half_plane_rate, ripple_exponent
 from fem.force_balance import ForceBalance
 from tests.test_report import SCRIPT, Tags
 

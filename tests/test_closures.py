@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import Symmetry, disk, sector
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.observables import area, centroid
-from actin_xcheck.parameters import Parameters
+from actin_xcheck.core.mesh import Symmetry, disk, sector
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.observables import area, centroid
+from actin_xcheck.core.parameters import Parameters
 from fem import forms
 from fem.force_balance import ForceBalance
 from fem.mesh import interleave

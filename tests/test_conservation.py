@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.scene import load_scene
+from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, FV, play, scene_of
 
 SHEAR_AND_ROTATION = """

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk, integral
-from actin_xcheck.lagrange import areas
-from actin_xcheck.linear import TOLERANCE, solve
-from actin_xcheck.registry import METHODS
-from actin_xcheck.result import Ending, Outcome
-from actin_xcheck.runs import bind, numerics
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import State
-from actin_xcheck.stepping import integrate, step_count
+from actin_xcheck.core.contract import State
+from actin_xcheck.core.lagrange import areas
+from actin_xcheck.core.linear import TOLERANCE, solve
+from actin_xcheck.core.mesh import disk, integral
+from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.runs.march import integrate, step_count
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind, numerics
+from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, Film, film_of, play, scene_of
 
 EVERY = pytest.mark.parametrize("method", list(METHODS))

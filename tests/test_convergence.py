@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 import typer
 
-from actin_xcheck import converge
-from actin_xcheck.compare import Job
-from actin_xcheck.convergence import conditions
-from actin_xcheck.convergence import examine as examination
-from actin_xcheck.convergence import studies as planning
-from actin_xcheck.convergence.orders import Verdict, local_orders
-from actin_xcheck.convergence.quantities import Quantity, error_of
-from actin_xcheck.convergence.record import FILE_NAME, read_convergence, write_convergence
-from actin_xcheck.convergence.studies import Level, Refined, Truth, final, studies_of
-from actin_xcheck.errors import UserError
-from actin_xcheck.exhibit_file import read_exhibit, write_exhibit
-from actin_xcheck.exhibits import Line, Plot
-from actin_xcheck.registry import METHODS
+from actin_xcheck.cli import converge
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.report import write_convergence_page
-from actin_xcheck.report.exhibits import draw
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene, parse_scene
-from actin_xcheck.store import read_run
+from actin_xcheck.report.draw import draw
+from actin_xcheck.report.exhibit_file import read_exhibit, write_exhibit
+from actin_xcheck.report.exhibits import Line, Plot
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.studies.compare import Job
+from actin_xcheck.studies.converge import examine as examination
+from actin_xcheck.studies.converge import studies as planning
+from actin_xcheck.studies.converge.record import FILE_NAME, read_convergence, write_convergence
+from actin_xcheck.studies.converge.studies import Level, Refined, Truth, final, studies_of
+from actin_xcheck.verdicts import conditions
+from actin_xcheck.verdicts.orders import Verdict, local_orders
+from actin_xcheck.verdicts.quantities import Quantity, error_of
 from tests.faults import FAULTS
 from tests.lab import FEM, FV, quiet, scene_of
 
@@ -255,7 +255,7 @@ def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
 
 def test_nothing_is_run_twice_by_the_same_code(tmp_path, monkeypatch):
     monkeypatch.setattr(examination, "provenance", lambda: VERSIONS)
-    monkeypatch.setattr("actin_xcheck.runs.provenance", lambda: VERSIONS)
+    monkeypatch.setattr("actin_xcheck.runs.run.provenance", lambda: VERSIONS)
     done: list[Job] = []
 
     def counted(jobs, report):

@@ -5,22 +5,22 @@ import json
 import numpy as np
 import pytest
 
-from actin_xcheck.distorting import examine as at_work
-from actin_xcheck.distorting import kept
-from actin_xcheck.distorting.cases import FAMILIES, cases_of, check, families_of
-from actin_xcheck.distorting.examine import examine
-from actin_xcheck.distorting.record import FILE_NAME, read_distortion
-from actin_xcheck.distortion import aspects, flattened, largest_angle, off_ring, perturbed, stretched
-from actin_xcheck.errors import UserError
-from actin_xcheck.expression import coordinates
-from actin_xcheck.geometry import disk, signed_areas
-from actin_xcheck.outline import Fit, read_mesh
-from actin_xcheck.registry import METHODS
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.mesh import disk, signed_areas
 from actin_xcheck.report import write_distortion_page
-from actin_xcheck.resolve import resolve
-from actin_xcheck.runs import solver_for
-from actin_xcheck.scene import load_scene
-from actin_xcheck.workers import in_turn
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import solver_for
+from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.scene.distortion import aspects, flattened, largest_angle, off_ring, perturbed, stretched
+from actin_xcheck.scene.expression import coordinates
+from actin_xcheck.scene.outline import Fit, read_mesh
+from actin_xcheck.scene.resolve import resolve
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.distort import examine as at_work
+from actin_xcheck.studies.distort import kept
+from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
+from actin_xcheck.studies.distort.examine import examine
+from actin_xcheck.studies.distort.record import FILE_NAME, read_distortion
 from fem.kernels import Rule
 from fem.space import Space
 from fv.diamond import over_relaxed_split, vertex_interpolation
@@ -173,8 +173,8 @@ def test_the_report_charts_its_runs_and_goes_on_where_it_was_interrupted(tmp_pat
 
 def _fewer(truth_of):
     """A truth on coarser levels, for the sake of time."""
-    from actin_xcheck.accuracy import LEVELS
-    from actin_xcheck.distorting import measure
+    from actin_xcheck.runs.accuracy import LEVELS
+    from actin_xcheck.studies.distort import measure
 
     def coarse(text):
         levels, measure.TRUTH_LEVELS = measure.TRUTH_LEVELS, LEVELS[1:3]

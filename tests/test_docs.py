@@ -16,15 +16,15 @@ import typer
 import yaml
 from markdown_it import MarkdownIt
 
-from actin_xcheck.answers import schemas
-from actin_xcheck.cli import app
-from actin_xcheck.convergence.orders import Verdict
-from actin_xcheck.model import Closure, Delta, Rheology
-from actin_xcheck.prediction.errata import ERRATA
-from actin_xcheck.registry import METHODS
-from actin_xcheck.result import Ending
-from actin_xcheck.scene import Scene, load_scene, parse_scene
-from actin_xcheck.tables import Expect, Reference
+from actin_xcheck.cli.app import app
+from actin_xcheck.cli.output import schemas
+from actin_xcheck.core.model import Closure, Delta, Rheology
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.tables import Expect, Reference
+from actin_xcheck.theory.errata import ERRATA
+from actin_xcheck.verdicts.orders import Verdict
 from tests.test_cli import SERIES
 
 ROOT = Path(__file__).parents[1]

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import jv
 
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import DiskModes, Mode, growth_rates, threshold
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.theory import DiskModes, Mode, growth_rates, threshold
 from tests.test_cli import cli, one_line
 
 STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)

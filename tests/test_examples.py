@@ -8,14 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from actin_xcheck.convergence.examine import examine
-from actin_xcheck.convergence.orders import Verdict
-from actin_xcheck.convergence.studies import studies_of
-from actin_xcheck.errors import UserError
-from actin_xcheck.registry import METHODS, find_method
-from actin_xcheck.result import Ending
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import load_scene
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.converge.examine import examine
+from actin_xcheck.studies.converge.studies import studies_of
+from actin_xcheck.verdicts.orders import Verdict
 from tests import test_contract
 from tests.lab import error_against, film_of, local_orders, play, scene_of
 from tests.test_docs import ROOT, TEN_LINES
@@ -100,7 +100,7 @@ def test_the_same_package_found_twice_is_one(tmp_path, monkeypatch, toy):
         ("OTHER = 3", ["AttributeError", "METHOD"]),
         ("import no_such_module", ["ModuleNotFoundError", "no_such_module"]),
         (
-            "from actin_xcheck.registry import METHODS\nMETHOD = METHODS['fv-coupled']",
+            "from actin_xcheck.runs.method import METHODS\nMETHOD = METHODS['fv-coupled']",
             ["named 'fv-coupled'", "valid: a Method named 'odd'"],
         ),
     ],

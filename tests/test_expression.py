@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from scipy.special import jv
 
-from actin_xcheck.expression import Expression, coordinates
+from actin_xcheck.scene.expression import Expression, coordinates
 
 PLANE = ("x", "y", "r", "theta")
 GRAMMAR = "valid are numbers, names"

@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 import typer
 
-from actin_xcheck import faults_command
-from actin_xcheck.claims import Claim
-from actin_xcheck.cli import report_command
-from actin_xcheck.errors import UserError
-from actin_xcheck.faults.catalogue import FAULTS as CATALOGUE
-from actin_xcheck.faults.catalogue import find_faults
-from actin_xcheck.faults.checks import Compared, Reduced
-from actin_xcheck.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
-from actin_xcheck.faults.hunt import hunt
-from actin_xcheck.faults.record import FILE_NAME, read_hunt
-from actin_xcheck.fidelity import Fidelity
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import read_run
-from actin_xcheck.verdicts import judge
-from actin_xcheck.workers import in_turn, work_off
+from actin_xcheck.cli import faults as faults_command
+from actin_xcheck.cli.app import report_command
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.runs.workers import in_turn, work_off
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.faults.catalogue import FAULTS as CATALOGUE
+from actin_xcheck.studies.faults.catalogue import find_faults
+from actin_xcheck.studies.faults.checks import Compared, Reduced
+from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
+from actin_xcheck.studies.faults.hunt import hunt
+from actin_xcheck.studies.faults.record import FILE_NAME, read_hunt
+from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
 from fv.krylov import Operator
 from fv.second_order import FvSecondOrder

@@ -13,7 +13,7 @@ import pytest
 from actin_xcheck.report import write_report
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.report.player import STEPS, _Store, film_data
-from actin_xcheck.store import Run, read_comparison
+from actin_xcheck.runs.store import Run, read_comparison
 from tests.chromium import Browser
 from tests.test_dashboard import CONTRAST, click, press
 from tests.test_report import SCRIPT, TIMES, write_comparison_of_everything

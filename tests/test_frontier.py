@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from actin_xcheck.accuracy import LEVELS
-from actin_xcheck.frontier import answers
-from actin_xcheck.frontier import planes as planning
-from actin_xcheck.frontier.answers import BOUND, Truth, answer_of, truth_of
-from actin_xcheck.frontier.bisection import Bisection
-from actin_xcheck.frontier.classes import Kind, judge
-from actin_xcheck.frontier.planes import PLANES, end_at, plane_of, point_of
-from actin_xcheck.geometry import disk
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.registry import METHODS
-from actin_xcheck.scene import parse_scene
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.accuracy import LEVELS
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.studies.frontier import answers
+from actin_xcheck.studies.frontier import planes as planning
+from actin_xcheck.studies.frontier.answers import BOUND, Truth, answer_of, truth_of
+from actin_xcheck.studies.frontier.bisection import Bisection
+from actin_xcheck.studies.frontier.classes import Kind, judge
+from actin_xcheck.studies.frontier.planes import PLANES, end_at, plane_of, point_of
 from fem.space import Space
 from tests.frontiers import FIG14, answer, searched
 from tests.lab import FEM

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from actin_xcheck.frontier import examine as examination
-from actin_xcheck.frontier.record import FILE_NAME, read_frontier
+from actin_xcheck.studies.frontier import examine as examination
+from actin_xcheck.studies.frontier.record import FILE_NAME, read_frontier
 from tests.frontiers import FIG14, METHODS_SHOWN, shrink
 from tests.processes import cluster
 from tests.test_cli import one_line

@@ -10,21 +10,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from actin_xcheck import survey
-from actin_xcheck.errors import UserError
-from actin_xcheck.exhibits import Chapter, Line, Plot
-from actin_xcheck.frontier import examine as examination
-from actin_xcheck.frontier.classes import Kind
-from actin_xcheck.frontier.journal import Journal
-from actin_xcheck.frontier.planes import check, plane_of, point_of
-from actin_xcheck.frontier.record import FILE_NAME, read_frontier, write_frontier
-from actin_xcheck.frontier.words import shares, words_of
-from actin_xcheck.frontier.works import Task, work
-from actin_xcheck.registry import METHODS
+from actin_xcheck.cli import frontier as survey
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.report import write_frontier_page
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import read_run
+from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.frontier import examine as examination
+from actin_xcheck.studies.frontier.classes import Kind
+from actin_xcheck.studies.frontier.journal import Journal
+from actin_xcheck.studies.frontier.planes import check, plane_of, point_of
+from actin_xcheck.studies.frontier.record import FILE_NAME, read_frontier, write_frontier
+from actin_xcheck.studies.frontier.words import shares, words_of
+from actin_xcheck.studies.frontier.works import Task, work
 from tests.frontiers import FIG14, METHODS_SHOWN, VERSIONS, answer, in_process, searched, shrink, tiny
 from tests.lab import FEM, scene_of
 from tests.test_report import SCRIPT, Tags
@@ -259,8 +259,8 @@ def test_the_page_asks_the_network_for_nothing_and_takes_no_markup(report, tmp_p
 
 
 def test_failures_have_colours_of_their_own():
-    from actin_xcheck.report.frontier import colour_of
-    from actin_xcheck.result import Ending
+    from actin_xcheck.core.outcome import Ending
+    from actin_xcheck.studies.frontier.page import colour_of
 
     labels = [str(kind) for kind in Kind if kind is not Kind.FAILED]
     labels += [f"failed: {ending}" for ending in Ending if ending is not Ending.COMPLETED]

@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from actin_xcheck.frontier import theory
-from actin_xcheck.frontier.limits import model_at
-from actin_xcheck.prediction import Mode, wall_eigenfield, wavenumber
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import load_scene, parse_scene
-from actin_xcheck.stepping import integrate
-from actin_xcheck.watch import Amplitude, Corners
+from actin_xcheck.runs.march import integrate
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.recorder import Amplitude, Corners
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.studies.frontier import theory
+from actin_xcheck.studies.frontier.limits import model_at
+from actin_xcheck.theory import Mode, wall_eigenfield, wavenumber
 from tests.frontiers import FIG14
 from tests.lab import FEM
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from actin_xcheck import linear
-from actin_xcheck.geometry import orientation, quadrature_points, signed_areas
-from actin_xcheck.registry import METHODS
-from actin_xcheck.resolve import in_scene_frame
-from actin_xcheck.result import Ending
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import load_scene
-from actin_xcheck.stepping import Tolerance, integrate
+from actin_xcheck.core import linear
+from actin_xcheck.core.mesh import orientation, quadrature_points, signed_areas
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.resolve import in_scene_frame
+from actin_xcheck.scene.scene import load_scene
 from fv import krylov, second_order
 from fv.diamond import cross_flux, over_relaxed, reconstruct, vertex_interpolation
 from tests.lab import FV, Film, film_of, local_orders, play, scene_of

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from actin_xcheck.geometry import (
+from actin_xcheck.core.mesh import (
     Symmetry,
     disk,
     integral,
@@ -12,7 +12,7 @@ from actin_xcheck.geometry import (
     signed_areas,
     unfold,
 )
-from actin_xcheck.result import Ending
+from actin_xcheck.core.outcome import Ending
 
 
 def edges(triangles):

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from actin_xcheck.model import Array
-from actin_xcheck.prediction import (
+from actin_xcheck.core.model import Array
+from actin_xcheck.theory import (
     Mode,
     amplitude_at_rest,
     extrapolate,

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from actin_xcheck.history.changes import FALSE_ALARM, Shape, changes
-from actin_xcheck.history.record import Kind, Series
-from actin_xcheck.history.steps import events
+from actin_xcheck.nightly.history.changes import FALSE_ALARM, Shape, changes
+from actin_xcheck.nightly.history.record import Kind, Series
+from actin_xcheck.nightly.history.steps import events
 from tests.histories import NIGHTS, ROUND_OFF, history, later, night, noise, series
 
 # changes of one sequence

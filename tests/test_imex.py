@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from actin_xcheck.registry import METHODS
-from actin_xcheck.result import Ending
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import load_scene
-from actin_xcheck.stepping import Tolerance, integrate
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import load_scene
 from fem.tableaux import TABLEAUX
 from tests.lab import Film, film_of, local_orders, play, scene_of
 

@@ -14,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck import checkpoint, files
-from actin_xcheck.errors import UserError
-from actin_xcheck.files import locked, replace_file, unfinished
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import annotate, read_run
+from actin_xcheck.core import files
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import locked, replace_file, unfinished
+from actin_xcheck.runs import checkpoint
+from actin_xcheck.runs.store import annotate, read_run
+from actin_xcheck.scene.scene import load_scene
 from tests.kills import FRONTS, KINDS, QUICK, Kind, bits, campaign, go
 from tests.processes import posix
 

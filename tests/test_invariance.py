@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import signed_areas
-from actin_xcheck.scene import load_scene, parse_scene
+from actin_xcheck.core.mesh import signed_areas
+from actin_xcheck.scene.scene import load_scene, parse_scene
 from tests.lab import FEM, FV, local_orders, play
 
 

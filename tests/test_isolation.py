@@ -5,9 +5,14 @@ import sys
 
 import pytest
 
-from actin_xcheck.registry import FORCE_BALANCE, METHODS
+from actin_xcheck.runs.method import FORCE_BALANCE, METHODS
 
-BEYOND_A_SOLVER = {"actin_xcheck.scene", "actin_xcheck.prediction", "actin_xcheck.store", "actin_xcheck.cli"}
+BEYOND_A_SOLVER = {
+    "actin_xcheck.scene.scene",
+    "actin_xcheck.theory",
+    "actin_xcheck.runs.store",
+    "actin_xcheck.cli.app",
+}
 
 
 def loaded_by(statement, *arguments):
@@ -21,7 +26,7 @@ def loaded_by(statement, *arguments):
 
 @pytest.mark.parametrize("target", sorted({m.solver for m in METHODS.values()} | {FORCE_BALANCE}))
 def test_a_solver_loads_no_parser_no_theory_no_store_and_not_the_other_code(target):
-    loaded = loaded_by(f"from actin_xcheck.registry import load\nload({target!r})")
+    loaded = loaded_by(f"from actin_xcheck.runs.method import load\nload({target!r})")
     assert not loaded & BEYOND_A_SOLVER
     mine, other = ("fem", "fv") if target.startswith("fem") else ("fv", "fem")
     assert mine in loaded
@@ -31,14 +36,14 @@ def test_a_solver_loads_no_parser_no_theory_no_store_and_not_the_other_code(targ
 
 
 def test_the_command_line_imports_no_solver_until_it_needs_one():
-    assert not loaded_by("import actin_xcheck.cli") & {"fem", "fv", "fipy", "skfem"}
+    assert not loaded_by("import actin_xcheck.cli.app") & {"fem", "fv", "fipy", "skfem"}
 
 
 @pytest.mark.parametrize("flag", ["--petsc", "--inline", "--trilinos", "--pyamgx"])
 def test_fipy_does_not_read_our_command_line(flag):
     statement = (
-        "import numpy as np\nfrom fv.mesh import fipy\nfrom actin_xcheck.scene import load_scene\n"
-        "from actin_xcheck.runs import bind\nfrom actin_xcheck.registry import METHODS\n"
+        "import numpy as np\nfrom fv.mesh import fipy\nfrom actin_xcheck.scene.scene import load_scene\n"
+        "from actin_xcheck.runs.run import bind\nfrom actin_xcheck.runs.method import METHODS\n"
         "solver = bind(load_scene('growing-disk'), METHODS['fv-coupled'], 2, 0.1)\n"
         "assert solver.step(solver.init(), 0.1)[1].ok\nassert fipy.solvers.solver_suite == 'scipy'\n"
         f"assert sys.argv[1] == {flag!r}"

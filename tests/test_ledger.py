@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from actin_xcheck import ledger as module
-from actin_xcheck.ledger import Entry, in_words, ledger, read, write
 from actin_xcheck.report.environment import environment
-from actin_xcheck.report.ledger import ledger_table
-from actin_xcheck.scene import load_scene
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies import ledger as module
+from actin_xcheck.studies.ledger import Entry, in_words, ledger, read, write
+from actin_xcheck.studies.ledger_table import ledger_table
 
 
 def here(work, tasks, report):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from actin_xcheck import linear
-from actin_xcheck.geometry import disk
-from actin_xcheck.linear import SymmetricSolver
-from actin_xcheck.model import Closure
-from actin_xcheck.registry import find_method
-from actin_xcheck.result import Ending
-from actin_xcheck.runs import bind, numerics
-from actin_xcheck.scene import load_scene
+from actin_xcheck.core import linear
+from actin_xcheck.core.linear import SymmetricSolver
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Closure
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.run import bind, numerics
+from actin_xcheck.scene.scene import load_scene
 from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.space import Space

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import bind
-from actin_xcheck.scene import load_scene
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import load_scene
 from fem.force_balance import ForceBalance
 from fem.mesh import interleave, separate
 from tests.lab import FEM, FV

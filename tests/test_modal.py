@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import DiskModes, active_slope, eigenfield, growth_rate, stiffness
-from actin_xcheck.resolve import resolve
-from actin_xcheck.result import Ending
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import Problem
+from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.scene.resolve import resolve
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.theory import DiskModes, active_slope, eigenfield, growth_rate, stiffness
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.modal import Modal

@@ -8,16 +8,16 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from actin_xcheck import nightly_command as commands
-from actin_xcheck.errors import UserError
-from actin_xcheck.executors import executor
-from actin_xcheck.faults.checks import QUIET
-from actin_xcheck.history.database import read_claims, read_nights, read_numbers
+from actin_xcheck.cli import nightly as commands
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.items import Costed
-from actin_xcheck.nightly.keep import HISTORY, new_folder
+from actin_xcheck.nightly.checks import Costed
+from actin_xcheck.nightly.history.database import read_claims, read_nights, read_numbers
+from actin_xcheck.nightly.nights import HISTORY, new_folder
 from actin_xcheck.nightly.plan import Past, Plan, chosen, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Journal, Kept, read_night
+from actin_xcheck.runs.executor import executor
+from actin_xcheck.studies.faults.checks import QUIET
 from tests import nights
 from tests.lab import FEM, FV
 from tests.nights import Stub, only_night, start

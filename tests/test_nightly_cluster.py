@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.errors import UserError
-from actin_xcheck.history.record import Kind
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.elsewhere import carry_out_elsewhere
+from actin_xcheck.nightly.history.record import Kind
 from actin_xcheck.nightly.plan import past
 from actin_xcheck.nightly.record import FILE_NAME, Done
-from actin_xcheck.same_code import code
+from actin_xcheck.nightly.remote import carry_out_elsewhere
+from actin_xcheck.runs.version import code
 from tests.nights import Stub, only_night
 from tests.processes import cluster
 from tests.test_cli import cli

@@ -10,23 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck import nightly_command as commands
-from actin_xcheck.claims import Claim
-from actin_xcheck.errors import UserError
-from actin_xcheck.faults.catalogue import FAULTS
-from actin_xcheck.faults.checks import QUIET, Compared
-from actin_xcheck.faults.fault import ControlError, replaced
-from actin_xcheck.faults.hunt import held_against
+from actin_xcheck.cli import nightly as commands
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
+from actin_xcheck.nightly.checks import Checked, Control, Diluted, control
 from actin_xcheck.nightly.groups import Group, group_of, lasting
-from actin_xcheck.nightly.items import Checked, Control, Diluted, control
 from actin_xcheck.nightly.junit import junit
 from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import FILE_NAME
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.workers import in_turn as in_this_process
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.workers import in_turn as in_this_process
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.faults.catalogue import FAULTS
+from actin_xcheck.studies.faults.checks import QUIET, Compared
+from actin_xcheck.studies.faults.fault import ControlError, replaced
+from actin_xcheck.studies.faults.hunt import held_against
 from tests import nights
 from tests.lab import FEM, FV
 from tests.nights import ROOT, Stub, only_night

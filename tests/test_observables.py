@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk, locate
-from actin_xcheck.observables import area, balance_residual, centroid, jacobian_min, polarity, probe
+from actin_xcheck.core.mesh import disk, locate
+from actin_xcheck.core.observables import area, balance_residual, centroid, jacobian_min, polarity, probe
 
 ANGLE = 2 * np.pi * np.arange(128) / 128
 CIRCLE = np.array([np.cos(ANGLE), np.sin(ANGLE)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.convergence.orders import Verdict, local_orders, observe
+from actin_xcheck.verdicts.orders import Verdict, local_orders, observe
 
 H = 2.0 ** -np.arange(1, 6)
 

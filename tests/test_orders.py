@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Delta, Model
-from actin_xcheck.motion import PrescribedMotion
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.registry import METHODS, load
-from actin_xcheck.resolve import in_scene_frame
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import Problem
+from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Delta, Model
+from actin_xcheck.core.motion import PrescribedMotion
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.method import METHODS, load
+from actin_xcheck.scene.resolve import in_scene_frame
+from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, FV, error_against, film_of, local_orders, play
 
 END = 0.25

@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from actin_xcheck.cli import app
-from actin_xcheck.errors import UserError
-from actin_xcheck.geometry import Mesh, disk, locate, signed_areas
-from actin_xcheck.mesh_file import read_triangulation
-from actin_xcheck.outline import Fit, caveats, read_mesh, refined, write_mesh
-from actin_xcheck.registry import METHODS
-from actin_xcheck.resolve import resolve
-from actin_xcheck.runs import solver_for
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import read_run
+from actin_xcheck.cli.app import app
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.mesh import Mesh, disk, locate, signed_areas
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import solver_for
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.mesh_file import read_triangulation
+from actin_xcheck.scene.outline import Fit, caveats, read_mesh, refined, write_mesh
+from actin_xcheck.scene.resolve import resolve
+from actin_xcheck.scene.scene import load_scene
 from fem.space import Space
 from tests.lab import film_of, scene_of
 

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import jnp_zeros, jvp
 
-from actin_xcheck.model import Array, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import (
+from actin_xcheck.core.model import Array, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.theory import (
     ERRATA,
     TABLE_4_PRINTED,
     TABLE_6_PRINTED,

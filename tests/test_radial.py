@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import eigenfield, wavenumber
-from actin_xcheck.result import Ending
-from actin_xcheck.solver import Problem
-from actin_xcheck.stepping import Tolerance, integrate
+from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.theory import eigenfield, wavenumber
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.radial import Radial

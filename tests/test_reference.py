@@ -11,9 +11,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from actin_xcheck import observables
-from actin_xcheck.geometry import locate
-from actin_xcheck.scene import load_scene
+from actin_xcheck.core import observables
+from actin_xcheck.core.mesh import locate
+from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, FV, local_orders, play
 
 pytestmark = pytest.mark.slow

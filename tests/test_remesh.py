@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from actin_xcheck.geometry import disk
-from actin_xcheck.model import Array, Delta, Model
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.result import Ending
-from actin_xcheck.solver import Move, Problem, State
-from actin_xcheck.stepping import Tolerance, integrate
+from actin_xcheck.core.contract import Move, Problem, State
+from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.model import Array, Delta, Model
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.march import Tolerance, integrate
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.measures import measure, orientation

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from actin_xcheck.claims import Claim
-from actin_xcheck.errors import UserError
-from actin_xcheck.geometry import disk, signed_areas
-from actin_xcheck.registry import METHODS
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.contract import Frame
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.mesh import disk, signed_areas
+from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.report import write_report
 from actin_xcheck.report.film import film_strip
-from actin_xcheck.result import Ending, Outcome
-from actin_xcheck.runs import run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import Frame
-from actin_xcheck.store import RunWriter, read_run, write_comparison
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import RunWriter, read_run, write_comparison
+from actin_xcheck.scene.scene import load_scene
 from tests.chromium import Browser
 
 SCRIPT = "<script>console.error('injected')<"  # no slash: it is part of an HDF5 path

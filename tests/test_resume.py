@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck import checkpoint
-from actin_xcheck.checkpoint import Keeper
-from actin_xcheck.errors import UserError
-from actin_xcheck.fidelity import Fidelity, reduced
-from actin_xcheck.files import unfinished
-from actin_xcheck.registry import METHODS
-from actin_xcheck.result import COMPLETED, Ending, Outcome
-from actin_xcheck.runs import bind, run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.solver import State
-from actin_xcheck.stepping import Checkpoint, Tolerance, integrate
-from actin_xcheck.store import read_run
+from actin_xcheck.core.contract import State
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import unfinished
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
+from actin_xcheck.runs import checkpoint
+from actin_xcheck.runs.checkpoint import Keeper
+from actin_xcheck.runs.fidelity import Fidelity, reduced
+from actin_xcheck.runs.march import Checkpoint, Tolerance, integrate
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind, run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import load_scene
 from fem.remeshing import Remeshing
 from tests.kills import FRONTS, QUICK, ROUND, Kind, bits, go
 from tests.lab import Film

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import sympy
 
-from actin_xcheck.errors import UserError
-from actin_xcheck.expression import coordinates
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.scene import load_scene, parse_scene, scene_text, shipped_scenes
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.scene.expression import coordinates
+from actin_xcheck.scene.scene import load_scene, parse_scene, scene_text, shipped_scenes
 
 GOOD = """
 name = "mine"

@@ -5,11 +5,11 @@ import pytest
 from skfem import Basis, BilinearForm, ElementTriP1, ElementVector, FacetBasis, LinearForm, MeshTri
 from skfem.helpers import ddot, div, dot, grad, sym_grad
 
-from actin_xcheck.geometry import disk, quadrature_points, signed_areas
-from actin_xcheck.model import Closure, Delta, Model
-from actin_xcheck.motion import PrescribedMotion
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.solver import Problem
+from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.mesh import disk, quadrature_points, signed_areas
+from actin_xcheck.core.model import Closure, Delta, Model
+from actin_xcheck.core.motion import PrescribedMotion
+from actin_xcheck.core.parameters import Parameters
 from fem.force_balance import ForceBalance
 from fem.solver import FemP1Paper
 from fv.diamond import cross_flux, over_relaxed, vertex_interpolation

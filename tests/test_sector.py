@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from actin_xcheck.geometry import Symmetry, sector
-from actin_xcheck.lagrange import areas
-from actin_xcheck.model import Closure, Rheology
-from actin_xcheck.motion import PrescribedMotion
-from actin_xcheck.observables import polarity
-from actin_xcheck.registry import METHODS, load
-from actin_xcheck.resolve import mesh_of, resolve
-from actin_xcheck.result import Ending
-from actin_xcheck.scene import load_scene
-from actin_xcheck.stepping import Tolerance, integrate
-from actin_xcheck.symmetry import departure
+from actin_xcheck.core.lagrange import areas
+from actin_xcheck.core.mesh import Symmetry, sector
+from actin_xcheck.core.model import Closure, Rheology
+from actin_xcheck.core.motion import PrescribedMotion
+from actin_xcheck.core.observables import polarity
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.method import METHODS, load
+from actin_xcheck.scene.resolve import mesh_of, resolve
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.symmetry import departure
 from fem import boundary
 from fem.force_balance import ForceBalance
 from fem.sector import Unfolded

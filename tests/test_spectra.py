@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from actin_xcheck import spectra
-from actin_xcheck.model import Closure, Delta, Model, Rheology
-from actin_xcheck.parameters import Parameters
-from actin_xcheck.prediction import Version, active_slope, threshold
-from actin_xcheck.spectra import discrete_rates, discrete_threshold
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs import spectra
+from actin_xcheck.runs.spectra import discrete_rates, discrete_threshold
+from actin_xcheck.theory import Version, active_slope, threshold
 
 STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
 PRESSED = Model(Parameters(240.0, 0.26), delta=Delta.FULL)

@@ -16,16 +16,16 @@ from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 from vtk.util.numpy_support import vtk_to_numpy
 
-from actin_xcheck.claims import Claim
-from actin_xcheck.errors import UserError
-from actin_xcheck.geometry import Mesh, disk, signed_areas
-from actin_xcheck.lagrange import areas as lagrange_areas
-from actin_xcheck.lagrange import order_of, rule
-from actin_xcheck.registry import METHODS
-from actin_xcheck.result import Ending, Outcome
-from actin_xcheck.runs import bind
-from actin_xcheck.solver import Frame
-from actin_xcheck.store import (
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.contract import Frame
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.lagrange import areas as lagrange_areas
+from actin_xcheck.core.lagrange import order_of, rule
+from actin_xcheck.core.mesh import Mesh, disk, signed_areas
+from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import bind
+from actin_xcheck.runs.store import (
     RUN_ATTRIBUTES,
     RunWriter,
     provenance,
@@ -33,7 +33,7 @@ from actin_xcheck.store import (
     read_run,
     write_comparison,
 )
-from actin_xcheck.vtkhdf import Film
+from actin_xcheck.runs.vtkhdf import Film
 from tests.lab import scene_of
 
 TIMES = (0.0, 0.25, 1.0)
@@ -233,7 +233,7 @@ def test_what_a_killed_process_leaves_is_its_last_checkpoint(tmp_path: Path) -> 
     script = """
         import os, signal, sys
         from pathlib import Path
-        from actin_xcheck.geometry import disk
+        from actin_xcheck.core.mesh import disk
         from tests.test_store import ATTRIBUTES, Ending, Outcome, RunWriter, delta, fields
         mesh = disk(2, 0.8)
         writer = RunWriter(Path(sys.argv[1]), mesh.xi, mesh.triangles, delta(mesh), ATTRIBUTES)

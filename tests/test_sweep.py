@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 
 import actin_xcheck
-from actin_xcheck import executors
-from actin_xcheck.answers import SweepAnswer
-from actin_xcheck.errors import UserError
-from actin_xcheck.executors import ATTEMPTS, Lost, executor
-from actin_xcheck.fidelity import Fidelity
-from actin_xcheck.scene import load_scene
-from actin_xcheck.sweeping.plan import points_of
-from actin_xcheck.sweeping.table import read_table
-from actin_xcheck.sweeping.task import LOG, Numerics, Task, finished, work
+from actin_xcheck.cli.output import SweepAnswer
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs import executor as executors
+from actin_xcheck.runs.executor import ATTEMPTS, Lost, executor
+from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.sweep.plan import points_of
+from actin_xcheck.studies.sweep.table import read_table
+from actin_xcheck.studies.sweep.task import LOG, Numerics, Task, finished, work
 from tests.ending import killed, process, raises
 from tests.processes import cluster, posix, wait_until
 from tests.test_cli import cli, one_line
@@ -61,7 +61,7 @@ def test_ranges_are_combined_with_the_last_one_fastest(tmp_path: Path) -> None:
 
 
 def load_scene_text(text: str):
-    from actin_xcheck.scene import parse_scene
+    from actin_xcheck.scene.scene import parse_scene
 
     return parse_scene(text, "here")
 

@@ -12,16 +12,16 @@ import pyvista
 from PIL import Image
 
 import actin_xcheck
-from actin_xcheck import lagrange
-from actin_xcheck.answers import FilesAnswer, schemas
-from actin_xcheck.cli import main
-from actin_xcheck.errors import UserError
-from actin_xcheck.export import export
-from actin_xcheck.pictures import can_draw
-from actin_xcheck.registry import METHODS
-from actin_xcheck.runs import run as stored_run
-from actin_xcheck.scene import load_scene
-from actin_xcheck.store import Run
+from actin_xcheck.cli.app import main
+from actin_xcheck.cli.output import FilesAnswer, schemas
+from actin_xcheck.core import lagrange
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.export import export
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.pictures import can_draw
+from actin_xcheck.runs.run import run as stored_run
+from actin_xcheck.runs.store import Run
+from actin_xcheck.scene.scene import load_scene
 from tests.test_cli import cli, one_line
 from tests.test_isolation import loaded_by
 

@@ -12,13 +12,13 @@ import pytest
 from matplotlib.figure import Figure
 
 import actin_xcheck
-from actin_xcheck.chart import chart_command
-from actin_xcheck.charting import examine as charting
-from actin_xcheck.charting import points as planning
-from actin_xcheck.frontier import examine as frontier
+from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.report import write_frontier_page, write_report
 from actin_xcheck.report.svg import styled, svg
-from actin_xcheck.store import read_comparison
+from actin_xcheck.runs.store import read_comparison
+from actin_xcheck.studies.chart import examine as charting
+from actin_xcheck.studies.chart import points as planning
+from actin_xcheck.studies.frontier import examine as frontier
 from tests.chromium import Browser
 from tests.frontiers import FIG14, METHODS_SHOWN, in_process, shrink
 from tests.test_dashboard import click, press

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from actin_xcheck.claims import Claim
-from actin_xcheck.history.record import Judged, Kind, Night, Number
-from actin_xcheck.history.steps import Difference, differences
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.nightly.groups import BASELINE
+from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number
+from actin_xcheck.nightly.history.steps import Difference, differences
 
 ROUND_OFF = 1e-11
 """Values of claims and errors up to this are round-off, whose doubling is no news."""

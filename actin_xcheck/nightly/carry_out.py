@@ -14,20 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.charting.alone import prepare, work_alone
-from actin_xcheck.charting.machine import forget_peak, peak_memory
-from actin_xcheck.counters import WORK
-from actin_xcheck.executors import Executor, Lost, end_with_parent, executor
-from actin_xcheck.faults.checks import QUIET
-from actin_xcheck.faults.fault import Calls
-from actin_xcheck.history.record import Kind, Number
+from actin_xcheck.core.work import WORK
+from actin_xcheck.nightly.checks import Checked, Control, Found, Item, NotDecided, night_long
 from actin_xcheck.nightly.groups import no_verdict
-from actin_xcheck.nightly.items import Checked, Control, Found, Item, NotDecided, night_long
+from actin_xcheck.nightly.history.record import Kind, Number
 from actin_xcheck.nightly.plan import Past, Plan
 from actin_xcheck.nightly.record import Done, Journal, Kept, NotRun
-from actin_xcheck.registry import METHODS
-from actin_xcheck.same_code import code
-from actin_xcheck.workers import Report, in_turn
+from actin_xcheck.runs.alone import prepare, work_alone
+from actin_xcheck.runs.executor import Executor, Lost, end_with_parent, executor
+from actin_xcheck.runs.machine import forget_peak, peak_memory
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.version import code
+from actin_xcheck.runs.workers import Report, in_turn
+from actin_xcheck.studies.faults.checks import QUIET
+from actin_xcheck.studies.faults.fault import Calls
 
 PATIENCE = 10.0
 """How many times as long as expected a check may take."""

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.claims import Claim
-from actin_xcheck.convergence.record import FILE_NAME as STUDIES
-from actin_xcheck.convergence.record import read_convergence
-from actin_xcheck.history.record import Kind, Number
-from actin_xcheck.store import reading
-from actin_xcheck.triangulation import read_triangles
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.nightly.history.record import Kind, Number
+from actin_xcheck.runs.store import reading
+from actin_xcheck.studies.converge.record import FILE_NAME as STUDIES
+from actin_xcheck.studies.converge.record import read_convergence
+from actin_xcheck.verdicts.triangulate import read_triangles
 
 COMPARISON = "comparison.h5"
 

@@ -6,7 +6,7 @@ import shlex
 from dataclasses import replace
 from enum import StrEnum
 
-from actin_xcheck.claims import Claim
+from actin_xcheck.core.claim import Claim
 
 
 class Group(StrEnum):

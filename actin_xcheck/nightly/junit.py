@@ -4,7 +4,7 @@ import math
 import re
 import xml.etree.ElementTree as ET
 
-from actin_xcheck.claims import Claim
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.nightly.record import Done, Kept
 
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.compare import DEFAULT_SCENES
-from actin_xcheck.convergence.studies import Refined
-from actin_xcheck.errors import UserError
-from actin_xcheck.faults.catalogue import FAULTS
-from actin_xcheck.faults.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Check, Compared, Studied
-from actin_xcheck.history.database import read_claims, read_nights, read_series
-from actin_xcheck.nightly.items import Checked, Control, Costed, Diluted, Item
-from actin_xcheck.registry import METHODS
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.nightly.checks import Checked, Control, Costed, Diluted, Item
+from actin_xcheck.nightly.history.database import read_claims, read_nights, read_series
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.studies.compare import DEFAULT_SCENES
+from actin_xcheck.studies.converge.studies import Refined
+from actin_xcheck.studies.faults.catalogue import FAULTS
+from actin_xcheck.studies.faults.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Check, Compared, Studied
 
 MEMORY_OF = 20
 """Nights from which it is known how often a check fails."""

@@ -12,9 +12,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from actin_xcheck.claims import Claim
-from actin_xcheck.errors import UserError
-from actin_xcheck.history.record import Kind, Number
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.nightly.history.record import Kind, Number
 
 FILE_NAME = "night.jsonl"
 

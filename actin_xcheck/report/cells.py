@@ -15,8 +15,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
-from actin_xcheck.geometry import Indices, Mesh
-from actin_xcheck.model import Array
+from actin_xcheck.core.mesh import Indices, Mesh
+from actin_xcheck.core.model import Array
 
 OUTLINE = "#8a8f98"  # seen on white and on black
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"

@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from actin_xcheck.model import Array
+from actin_xcheck.core.model import Array
 from actin_xcheck.report.svg import INK, STYLES, calm, styled, svg
-from actin_xcheck.store import Run
+from actin_xcheck.runs.store import Run
 
 _ROUND_OFF = 1e-17
 """Residuals below it, exact zeros above all, are drawn here: a logarithm has no place for them."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from actin_xcheck.files import replace_file
+from actin_xcheck.core.files import replace_file
 
 
 def environment(folder: Path) -> Environment:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actin_xcheck.model import Array
+from actin_xcheck.core.model import Array
 from actin_xcheck.report.cells import (
     DIVERGING,
     SEQUENTIAL,
@@ -19,7 +19,7 @@ from actin_xcheck.report.cells import (
     span,
     window,
 )
-from actin_xcheck.store import Run
+from actin_xcheck.runs.store import Run
 
 MAX_COLUMNS = 5
 

@@ -13,10 +13,10 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from actin_xcheck.model import Array
+from actin_xcheck.core.model import Array
 from actin_xcheck.report.cells import DIVERGING, SEQUENTIAL, span
 from actin_xcheck.report.film import FilmStrip, common_times, frames_at, on_triangles
-from actin_xcheck.store import Run
+from actin_xcheck.runs.store import Run
 
 STEPS = 65534
 """Steps between the ends of a packed range."""

@@ -1,6 +1,6 @@
 """A method from outside the tree: the entry point names METHOD, the solver is imported when it runs."""
 
-from actin_xcheck.registry import Method
+from actin_xcheck.runs.method import Method
 
 METHOD = Method(
     name="toy-midpoint",

@@ -1,0 +1,160 @@
+"""`predict`: what theory says of a parameter set, as a table or as JSON, and all of it as a report."""
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.output import ReportAnswer, conclude
+from actin_xcheck.cli.progress import Progress
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.report import write_theory_page
+from actin_xcheck.studies.theory.predictions import FILE_NAME, compute, write_predictions
+from actin_xcheck.theory import DiskModes, lowest, threshold
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Exact growth rates and thresholds of the disk, delta constant; a report of all linear theory.",
+)
+out = Console(soft_wrap=True, highlight=False)
+
+_DEFAULT = Parameters(psi=0.0, p=0.0)
+Psi = Annotated[float, typer.Option(help="Contractile tonicity, non-dimensional.")]
+P = Annotated[float, typer.Option(help="Pressure coefficient, non-dimensional.")]
+D = Annotated[float, typer.Option(help="Diffusion coefficient.", min=0.0)]
+ASat = Annotated[float, typer.Option(help="Saturation concentration.")]
+Mu1 = Annotated[float, typer.Option(help="Shear viscosity.")]
+Mu2 = Annotated[float, typer.Option(help="Bulk viscosity.")]
+Nu = Annotated[float, typer.Option(help="Poisson's ratio.")]
+ClosureOption = Annotated[Closure, typer.Option(help="Conditions on the rim.")]
+RheologyOption = Annotated[Rheology, typer.Option(help="Which displacement the elastic stress sees.")]
+DeltaOption = Annotated[Delta, typer.Option(help="Constant delta: none or full.")]
+Modes = Annotated[str, typer.Option("--m", help="Angular numbers: 3, or 0:8 (inclusive).")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command("modes")
+def modes_command(
+    psi: Psi,
+    p: P,
+    d: D = _DEFAULT.d,
+    a_sat: ASat = _DEFAULT.a_sat,
+    mu1: Mu1 = _DEFAULT.mu1,
+    mu2: Mu2 = _DEFAULT.mu2,
+    nu: Nu = _DEFAULT.nu,
+    closure: ClosureOption = Closure.REFERENCE_NORMAL,
+    rheology: RheologyOption = Rheology.VISCOELASTIC,
+    delta: DeltaOption = Delta.NONE,
+    m: Modes = "0:8",
+    above: Annotated[float, typer.Option(help="Give all rates with a real part above this.")] = 0.0,
+    as_json: Json = False,
+) -> None:
+    """Every growth rate above a bound, per angular number; the count is proved by the argument principle."""
+    model = _model(Parameters(psi, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    if not math.isfinite(above):
+        raise UserError(f"--above: {above:g} is no number; valid: a finite number")
+    found = []
+    for number in _numbers(m):
+        try:
+            rates = DiskModes(model, number).rates(above)
+        except (ValueError, ArithmeticError) as error:
+            raise UserError(f"--above: {error}") from None
+        found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
+    if as_json:
+        print(json.dumps({"modes": found, "complete": True}))
+        return
+    if not found:
+        print(f"no rate above {above:g} for m = {m}")
+        return
+    table = Table("m", "Re lambda", "Im lambda", box=None)
+    for mode in found:
+        table.add_row(str(mode["m"]), f"{mode['re']:.10g}", f"{mode['im']:.10g}")
+    out.print(table)
+
+
+@app.command("threshold")
+def threshold_command(
+    p: P,
+    d: D = _DEFAULT.d,
+    a_sat: ASat = _DEFAULT.a_sat,
+    mu1: Mu1 = _DEFAULT.mu1,
+    mu2: Mu2 = _DEFAULT.mu2,
+    nu: Nu = _DEFAULT.nu,
+    closure: ClosureOption = Closure.REFERENCE_NORMAL,
+    rheology: RheologyOption = Rheology.VISCOELASTIC,
+    delta: DeltaOption = Delta.NONE,
+    m: Modes = "0:4",
+    as_json: Json = False,
+) -> None:
+    """The smallest psi at which a rate of each angular number reaches Re lambda = 0, and its frequency."""
+    model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    found = [threshold(model, number) for number in _numbers(m)]
+    if as_json:
+        first = lowest(found)
+        least = None if first is None else {"m": first.m, "psi": first.psi, "crossing": first.crossing}
+        print(json.dumps({"thresholds": [vars(one) for one in found], "lowest": least}))
+        return
+    table = Table("m", "psi", "omega", "", box=None)
+    for one in found:
+        numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
+        table.add_row(str(one.m), *numbers, one.reason)
+    out.print(table)
+
+
+@app.command("report")
+def report_command(
+    out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Curves, modes, maps, thresholds and errata, as predictions.h5 and a page; takes a few minutes."""
+    folder = report_folder(out_dir, "predict")
+    if (folder / FILE_NAME).exists() and not force:
+        raise UserError(f"--out: {folder} holds predictions already; valid: another folder, or --force")
+    make_folder(folder)
+    for stale in (FILE_NAME, "index.html"):  # a page must never stand beside a file it is not made of
+        (folder / stale).unlink(missing_ok=True)
+    with Progress(quiet) as progress:
+        chapters = compute(progress.report)
+    write_predictions(folder / FILE_NAME, chapters, command())
+    page = write_theory_page(folder)
+    conclude(ReportAnswer(command="predict report", page=str(page)), "", as_json)
+
+
+def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:
+    """Check what the types do not."""
+    for option, value in {"--psi": parameters.psi, "--p": parameters.p}.items():
+        if not abs(value) <= 1e6:
+            raise UserError(f"{option}: {value:g} is out of range; valid: a number between -1e6 and 1e6")
+    positive = {"--d": parameters.d, "--a-sat": parameters.a_sat, "--mu1": parameters.mu1}
+    for option, value in positive.items():
+        if not 1e-6 <= value <= 1e6:
+            raise UserError(f"{option}: {value:g} is out of range; valid: a number between 1e-6 and 1e6")
+    if not 0 <= parameters.mu2 <= 1e6:
+        raise UserError(f"--mu2: {parameters.mu2:g} is out of range; valid: a number between 0 and 1e6")
+    if not -1 < parameters.nu < 0.5:
+        raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
+    if delta not in {Delta.NONE, Delta.FULL}:
+        raise UserError(f"--delta: {delta} varies in space; theory takes it constant; valid: none, full")
+    return Model(parameters, rheology, closure, delta)
+
+
+def _numbers(given: str) -> range:
+    """Angular numbers from "3" or "0:8"."""
+    if not (match := re.fullmatch(r"(\d{1,3})(?::(\d{1,3}))?", given)):
+        raise UserError(f"--m: {given!r} is no range; valid: a number as in 3, or 0:8 (inclusive)")
+    first, last = int(match[1]), int(match[2] or match[1])
+    if first > last:
+        raise UserError(f"--m: {given!r} is empty; valid: the smaller number first")
+    if last > 100:
+        raise UserError(f"--m: {last} is out of range; valid: up to 100")
+    return range(first, last + 1)

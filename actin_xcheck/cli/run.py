@@ -1,0 +1,222 @@
+"""`run`: one scene by one method, stored."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from actin_xcheck.cli.options import (
+    Dt,
+    Force,
+    Quiet,
+    Refine,
+    Rtol,
+    check_step,
+    command,
+    make_folder,
+    resuming_command,
+    warn_of,
+)
+from actin_xcheck.cli.output import Json, RunAnswer, say
+from actin_xcheck.cli.progress import Progress
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import unfinished
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.runs.accuracy import deliver
+from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
+from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.run import numerics, remeshes, run
+from actin_xcheck.scene.outline import caveats, read_mesh
+from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.studies.compare import Job
+
+
+def run_command(
+    scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
+    method: Annotated[
+        str,
+        typer.Option(help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own."),
+    ],
+    out_file: Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")],
+    refine: Refine = None,
+    dt: Dt = None,
+    rtol: Rtol = None,
+    accuracy: Annotated[
+        float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
+    ] = None,
+    fidelity: Annotated[
+        Fidelity, typer.Option(help="How much of the model is solved; auto: what the scene needs.")
+    ] = Fidelity.AUTO,
+    mesh_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--mesh", help="The cell's outline: triangles in a file meshio reads (.msh, .vtu, ...)."
+        ),
+    ] = None,
+    remesh: Annotated[
+        bool, typer.Option("--remesh", help="Replace the mesh when it is about to fold, and go on.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with an interrupted run; else begin it, or leave it be.")
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Run one scene with one method; exit code 1 (and a file that says why) where the run fails.
+
+    Ctrl-C ends it after the step, exit code 130; --resume goes on to what it would have been without, to the
+    last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
+    """
+    check_step(dt)
+    loaded = load_scene(scene)
+    if accuracy is not None:
+        _check_accuracy(accuracy, method, refine, dt, rtol, resume)
+    elif rtol is not None and not find_method(method).adaptive:
+        adaptive = ", ".join(name for name, known in METHODS.items() if known.adaptive)
+        raise UserError(f"--rtol: {method} takes equal steps; valid with {adaptive}, or --dt instead")
+    if out_file.suffix != ".vtkhdf":
+        raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
+    if out_file.stem.endswith(".partial"):
+        raise UserError(f"--out: {out_file} is where an unfinished run stands; valid: without .partial")
+    if out_file.is_dir():
+        raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
+    if force and resume:
+        raise UserError("--resume goes on with what --force begins again; valid: one of them")
+    if out_file.exists() and not (force or resume):
+        raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
+    if unfinished(out_file).exists() and not (force or resume):
+        raise UserError(
+            f"--out: {unfinished(out_file)} is an interrupted run; valid: --resume, or --force to begin again"
+        )
+    mesh = None if mesh_file is None else _outline(mesh_file, loaded, accuracy, fidelity, json)
+    if remesh:
+        _check_remesh(loaded, method, fidelity, mesh_file)
+    make_folder(out_file.parent)
+    warn_of(loaded)
+    if accuracy is not None:
+        _deliver(loaded, accuracy, out_file, quiet, fidelity, json)
+    chosen = find_method(method)
+    divided = refine or 0
+    refine, dt = numerics(loaded, refine, dt)
+    refine = refine if mesh is None else divided
+    job = Job(loaded, chosen, refine, dt, out_file, rtol)
+    reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
+    if not json:
+        _say(reduction)
+    with Progress(quiet) as progress:
+        outcome = run(
+            loaded,
+            chosen,
+            refine,
+            dt,
+            out_file,
+            command(),
+            lambda done, total: progress.report(job.label, done, total),
+            rtol,
+            reduction,
+            resume,
+            heeds_signals=True,
+            mesh=mesh,
+            remesh=remesh,
+        )
+    if outcome.ending is Ending.INTERRUPTED:
+        place = outcome.message.split(";")[0]
+        print(f"actin_xcheck: interrupted {place}; to go on: {resuming_command()}", file=sys.stderr)
+        raise typer.Exit(130)
+    if json:
+        say(_answer(out_file, outcome, reduction))
+    else:
+        print(f"{outcome.ending}: {outcome.message or out_file}")
+    raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _answer(file: Path, outcome: Outcome, reduction: Reduction, error: float | None = None) -> RunAnswer:
+    return RunAnswer(
+        file=str(file),
+        outcome=outcome.ending,
+        message=outcome.message,
+        fidelity=reduction.fidelity,
+        left_out=reduction.left_out,
+        estimated_error=error,
+    )
+
+
+def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelity, json: bool) -> Mesh:
+    """The user's mesh, with what must be known of it on standard error."""
+    if accuracy is not None:
+        raise UserError(
+            "--mesh: not with --accuracy, whose levels are the disk's; valid: --refine, --dt, --rtol"
+        )
+    if fidelity not in (Fidelity.AUTO, Fidelity.FULL):
+        raise UserError(f"--mesh: not with --fidelity {fidelity}, which is part of a disk; valid: auto, full")
+    mesh = read_mesh(path)
+    for sentence in caveats(scene, mesh):
+        print(f"warning: {sentence}", file=sys.stderr)
+    if not json:
+        print(f"{Fidelity.FULL}: nothing is left out, for what is cut down elsewhere is the disk")
+    return mesh
+
+
+def _check_remesh(scene: Scene, method: str, fidelity: Fidelity, mesh_file: Path | None) -> None:
+    if method not in (valid := [name for name, known in METHODS.items() if remeshes(known)]):
+        raise UserError(f"--remesh: not for {method}; valid with {', '.join(valid)}")
+    if scene.motion is not None:
+        raise UserError(
+            f"--remesh: {scene.origin} prescribes its motion; valid: one moved by the force balance"
+        )
+    if mesh_file is not None:
+        raise UserError("--remesh: not with --mesh; valid: the disk")
+    if fidelity not in (Fidelity.AUTO, Fidelity.FULL):
+        raise UserError(f"--remesh: the whole cell is solved, not --fidelity {fidelity}; valid: auto, full")
+
+
+def _check_accuracy(
+    accuracy: float, method: str, refine: int | None, dt: float | None, rtol: float | None, resume: bool
+) -> None:
+    if resume:
+        raise UserError("--resume: not with --accuracy, which chooses its runs anew; valid: --force instead")
+    if not 0 < accuracy < 1:
+        raise UserError(f"--accuracy: {accuracy:g} is no error; valid: a number between 0 and 1")
+    if method != "fem":
+        raise UserError(f"--accuracy: not with --method {method}; valid: --method fem, which then chooses")
+    chosen = {"--refine": refine, "--dt": dt, "--rtol": rtol}
+    if given := [name for name, value in chosen.items() if value is not None]:
+        raise UserError(f"--accuracy: chooses {', '.join(given)} itself; valid: without")
+
+
+def _say(reduction: Reduction) -> None:
+    """Say how much of the model is solved, and what is left out and why."""
+    for sentence in reduction.left_out:
+        print(f"{reduction.fidelity}: left out {sentence}")
+
+
+def _deliver(
+    scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
+) -> None:
+    """Run to an accuracy, say what was reached and leave with the exit code."""
+    with Progress(quiet) as progress:
+        reached = deliver(
+            scene,
+            accuracy,
+            out_file,
+            command(),
+            lambda done, total: progress.report(scene.name, done, total),
+            fidelity,
+        )
+    if json:
+        error = reached.estimate if reached.outcome.ok else None
+        say(_answer(out_file, reached.outcome, reached.reduction, error))
+        raise typer.Exit(0 if reached.outcome.ok else 1)
+    _say(reached.reduction)
+    if not reached.outcome.ok:
+        print(f"{reached.outcome.ending}: {reached.outcome.message}")
+        raise typer.Exit(1)
+    print(
+        f"completed: {out_file}; estimated error {reached.estimate:.1e} "
+        f"(--method {reached.level.method.name} --refine {reached.level.refine} "
+        f"--rtol {reached.level.rtol:g})"
+    )
+    raise typer.Exit(0)

@@ -1,0 +1,77 @@
+"""`sweep`: thousands of runs over ranges, on this machine or on a cluster."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.output import Json, SweepAnswer, say
+from actin_xcheck.cli.progress import Progress
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.executor import jobs_asked
+from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.studies.sweep.carry_out import carry_out, plan
+from actin_xcheck.studies.sweep.table import CSV_NAME, SweepTable
+from actin_xcheck.studies.sweep.task import Numerics
+
+
+def sweep_command(
+    file: Annotated[Path, typer.Argument(help="A TOML file of ranges over a scene, or of scenes.")],
+    method: Annotated[list[str], typer.Option(help="May be given more than once.")],
+    out_dir: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the results; one that is there goes on.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, max=1024)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a dask.distributed scheduler, in place of --jobs; its workers share the folder."
+        ),
+    ] = None,
+    refine: Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers.", min=1, max=10)] = None,
+    dt: Annotated[float | None, typer.Option(help="Largest time step.", min=1e-12)] = None,
+    rtol: Annotated[
+        float | None, typer.Option(help="Let adaptive methods choose steps with this local error.", min=1e-13)
+    ] = None,
+    fidelity: Annotated[
+        Fidelity, typer.Option(help="How much of the model is solved; auto: what each scene needs.")
+    ] = Fidelity.AUTO,
+    json: Json = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Run a scene over ranges of its keys, or many scenes, each run a file of its own, and make one table.
+
+    Files are named by scene, method and version: what is there is not run again, so that an interrupted sweep
+    goes on when it is asked for again, and so does a larger one in the same folder.  A run that fails is a
+    row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for a mistake in what was
+    asked.
+    """
+    processes = jobs_asked(jobs, scheduler)
+    numerics = Numerics(method[0], refine, dt, rtol, fidelity)
+    folder = report_folder(out_dir, "sweep")
+    planned = plan(file, method, numerics, folder, command())
+    make_folder(folder)
+    with Progress(quiet) as progress:
+        table, made = carry_out(planned, processes, scheduler, progress.report)
+    answer = _answer(table, made)
+    if json:
+        say(answer)
+    else:
+        endings = ", ".join(f"{count} {ending}" for ending, count in answer.outcomes.items())
+        print(f"{answer.runs} runs, {made} of them made now: {endings}; table: {answer.table}")
+    raise typer.Exit(0 if set(answer.outcomes) <= {Ending.COMPLETED} else 1)
+
+
+def _answer(table: SweepTable, made: int) -> SweepAnswer:
+    outcomes = Counter(table["outcome"].tolist())
+    return SweepAnswer(
+        folder=str(table.folder),
+        table=str(table.folder / CSV_NAME),
+        runs=len(table),
+        made=made,
+        outcomes=dict(outcomes.most_common()),
+    )

@@ -1,0 +1,1 @@
+"""The equations, meshes and contracts that everything else stands on; nothing here knows a method."""

@@ -1,0 +1,195 @@
+"""Methods by name, loaded on demand: nothing here imports a solver until it is asked for.
+
+Those of installed packages are found by their entry points, looked up when a name is not one of `METHODS`
+and imported when it is theirs.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from actin_xcheck.core.errors import UserError
+
+ENTRY_POINTS = "actin_xcheck.methods"
+"""The group of entry points, NAME = "module:attribute": the attribute is a `Method` of that name."""
+
+FORCE_BALANCE = "fem.force_balance:ForceBalance"
+"""The one Mechanics that solves the force balance; finite volumes borrow it."""
+
+RADIAL = "fem.radial:Radial"
+"""One ray of an axisymmetric cell."""
+
+SECTOR = "fem.sector:Unfolded"
+"""A sector between mirror lines, seen as the whole cell."""
+
+MODAL = "fem.modal:Modal"
+"""The linear modes of the rest state."""
+
+HAND_OVER = "fem.handover:HandOver"
+"""These, then a solver of the whole model."""
+
+SPECTRUM = "fem.spectrum:Spectrum"
+"""Eigenvalues of the finite elements about the steady state."""
+
+REMESHING = "fem.remeshing:Remeshing"
+"""Curved elements whose mesh is replaced when it is about to fold."""
+
+SHAPES, SOUNDNESS = "fem.quality:shapes", "fem.quality:soundness"
+"""The shape of a mesh's cells, and whether it is about to fold."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method: everything numerical and nothing physical.
+
+    Attributes
+    ----------
+    name : what the user types.
+    solver : "module:Class" of the solver.
+    driven_by : the method whose node paths this one follows, or None where its own values load the force
+        balance.
+    order_h, order_dt : declared orders of accuracy; 0 where the method does not converge.
+    description : one line for lists and reports.
+    options : further arguments of the solver by name, among them `space` where elements are not P1.
+    adaptive : whether it estimates its error in time, so that it can choose its steps.
+    """
+
+    name: str
+    solver: str
+    driven_by: str | None
+    order_h: float
+    order_dt: float
+    description: str
+    options: tuple[tuple[str, int], ...] = ()
+    adaptive: bool = False
+
+    @property
+    def space(self) -> int:
+        """Polynomial order of the elements."""
+        return dict(self.options).get("space", 1)
+
+    @property
+    def family(self) -> str:
+        """The code it belongs to: "fem" or "fv"."""
+        return self.solver.split(".")[0]
+
+
+def _imex(space: int, time: int) -> Method:
+    return Method(
+        f"fem-p{space}-imex{time}",
+        "fem.imex:FemImex",
+        None,
+        space + 1,
+        time,
+        f"P{space} elements on curved cells, additive Runge-Kutta pair of order {time} with step control",
+        (("space", space), ("time", time)),
+        adaptive=True,
+    )
+
+
+METHODS = {
+    method.name: method
+    for method in (
+        Method(
+            "fem-p1-paper",
+            "fem.solver:FemP1Paper",
+            None,
+            2,
+            1,
+            "the article's scheme (B.23): P1 elements on moving triangles, first order in time",
+        ),
+        Method(
+            "fv-coupled",
+            "fv.solver:FvDiamond",
+            None,
+            2,
+            1,
+            "FiPy finite volumes with the linear-exact cross flux; their values load the force balance",
+        ),
+        Method(
+            "fv-order2",
+            "fv.second_order:FvSecondOrder",
+            None,
+            2,
+            2,
+            "the same finite volumes in two implicit stages of second order, with an error estimate",
+            adaptive=True,
+        ),
+        Method(
+            "fv-driven",
+            "fv.solver:FvDiamond",
+            "fem-p1-paper",
+            2,
+            1,
+            "the same finite volumes on the node paths of a finite-element run: transport alone",
+        ),
+        Method(
+            "fv-tpfa",
+            "fv.solver:FvTwoPoint",
+            "fem-p1-paper",
+            0,
+            1,
+            "FiPy's own diffusion term alone, driven: the exhibit of what does not converge on triangles",
+        ),
+        _imex(1, 2),
+        _imex(2, 3),
+        _imex(3, 4),
+        _imex(4, 4),
+    )
+}
+
+
+def find_method(name: str) -> Method:
+    """Return the method called `name`, from here or from an installed package.
+
+    Raises
+    ------
+    UserError : there is none, or more than one; or its package cannot be loaded, or holds something else.
+    """
+    found = _entry_points(name)
+    places = [f"this package's {name}"] * (name in METHODS) + [
+        f"{one.value} {_package(one)}" for one in found
+    ]
+    if len(places) > 1:
+        raise UserError(
+            f"--method: {name!r} is {' and '.join(places)}; valid: one of them, uninstall the others"
+        )
+    if found:
+        return _loaded(found[0])
+    if name not in METHODS:
+        others = sorted({one.name for one in entry_points(group=ENTRY_POINTS)} - METHODS.keys())
+        raise UserError(f"--method: {name!r} is not a method; valid: {', '.join([*METHODS, *others])}")
+    return METHODS[name]
+
+
+def _entry_points(name: str) -> list[EntryPoint]:
+    """Those of a name, one for each place: an editable install is found twice."""
+    found = {(one.value, _package(one)): one for one in entry_points(group=ENTRY_POINTS, name=name)}
+    return list(found.values())
+
+
+def _package(point: EntryPoint) -> str:
+    """The package an entry point belongs to, in words."""
+    return f"of {point.dist.name} {point.dist.version}" if point.dist else "of an unknown package"
+
+
+def _loaded(point: EntryPoint) -> Method:
+    """The method of an entry point; whatever its package raises when it is imported becomes one line."""
+    what = f"--method: {point.name!r} ({point.value} {_package(point)})"
+    try:
+        method = point.load()
+    except Exception as error:
+        raise UserError(f"{what} cannot be loaded: {type(error).__name__}: {error}") from error
+    if not isinstance(method, Method) or method.name != point.name:
+        named = f"a Method named {method.name!r}" if isinstance(method, Method) else type(method).__name__
+        raise UserError(f"{what} is {named}; valid: a Method named {point.name!r}")
+    return method
+
+
+def load(target: str) -> Callable[..., Any]:
+    """Import "module:attribute" and return the attribute."""
+    module, attribute = target.split(":")
+    loaded: Callable[..., Any] = getattr(import_module(module), attribute)
+    return loaded

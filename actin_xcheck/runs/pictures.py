@@ -1,0 +1,240 @@
+"""The cell of a run as PyVista draws it: one frame as a picture, all of them as a film.
+
+Nothing needs a display: VTK draws into memory.  Curved cells are drawn curved: each is cut into small flat
+pieces, on which the fields are the element's own.
+"""
+
+import ctypes
+import io
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import replace_file
+from actin_xcheck.core.model import Array
+from actin_xcheck.runs.store import Run
+
+FIELDS = {"a": "a", "a_cells": "cell means of a", "u": "displacement", "v": "speed", "delta": "delta"}
+"""What can be drawn, and what it is called in the picture."""
+
+SUFFIXES = (".png", ".gif", ".mp4")
+
+_SIDE = 800
+"""Pixels; even, as video codecs want it."""
+
+_PIECES = 100_000
+"""About as many flat pieces as a cell is cut into for a picture: no side is longer than a few pixels."""
+
+_SECONDS, _FASTEST = 6.0, 25.0
+"""A film lasts so long, unless it would have more frames a second than this."""
+
+_SLOWEST = 4.0
+"""Frames a second of a film of few."""
+
+_OFF_SCREEN = {
+    "vtkEGLRenderWindow": ("libEGL.so.1",),
+    "vtkOSOpenGLRenderWindow": ("libOSMesa.so.8", "libOSMesa.so.6"),
+}
+"""What VTK draws into memory with, and the libraries one of which that needs."""
+
+_BAR: dict[str, Any] = {
+    "vertical": False,
+    "color": "black",
+    "n_labels": 2,
+    "title_font_size": 18,
+    "label_font_size": 16,
+    "position_x": 0.25,
+    "position_y": 0.02,
+    "width": 0.5,
+    "height": 0.08,
+}
+
+Picture = NDArray[np.uint8]
+"""(_SIDE, _SIDE, 3)."""
+
+
+def render(run: Run, path: Path, time: float | None = None, field: str = "a") -> tuple[float, ...]:
+    """Draw a run, and return the times that were drawn.
+
+    Parameters
+    ----------
+    run : as stored; a failed one too.
+    path : a `.png` of one frame; a `.gif`, or where ffmpeg is found an `.mp4`, of all.  Replaced where it
+        exists.
+    time : the output time to draw; the last one where nothing is said.
+    field : one of `FIELDS`.
+
+    Raises
+    ------
+    UserError : no such field, time or kind of file; nothing here to draw or to make films with.
+    """
+    path = Path(path)
+    if field not in FIELDS:
+        raise UserError(f"--field: {field!r} is no field of a run; valid: {', '.join(FIELDS)}")
+    if path.suffix not in SUFFIXES:
+        raise UserError(f"--out: {path} is no picture; valid: a file that ends in {', '.join(SUFFIXES)}")
+    if path.suffix != ".png" and time is not None:
+        raise UserError(f"--time: {path} shows all output times; valid: with a .png")
+    ffmpeg = _ffmpeg() if path.suffix == ".mp4" else ""
+    frames = [frame_at(run, time)] if path.suffix == ".png" else list(range(len(run.times)))
+    pictures = _drawn(run, frames, field)
+    rate = min(_FASTEST, max(_SLOWEST, len(frames) / _SECONDS))
+    if ffmpeg:
+        replace_file(path, _video(pictures, rate, ffmpeg))
+    else:
+        first, *others = (Image.fromarray(picture) for picture in pictures)
+        content = io.BytesIO()
+        looped: dict[str, Any] = dict(
+            save_all=True, append_images=others, duration=round(1000 / rate), loop=0
+        )
+        first.save(content, path.suffix.removeprefix("."), **(looped if path.suffix == ".gif" else {}))
+        replace_file(path, content.getvalue())
+    return tuple(float(run.times[frame]) for frame in frames)
+
+
+def frame_at(run: Run, time: float | None) -> int:
+    """The number of the frame at an output time, or of the last one; UserError where there is none."""
+    if not len(run.times):
+        raise UserError(f"{run.path}: holds no frame; the run ended before ({run.attributes['message']})")
+    if time is None:
+        return len(run.times) - 1
+    frame = int(np.argmin(np.abs(run.times - time)))
+    if abs(run.times[frame] - time) > 1e-9:
+        known = ", ".join(f"{t:g}" for t in run.times)
+        raise UserError(f"--time: {time:g} is no output time of {run.path}; valid: {known}")
+    return frame
+
+
+def grid(run: Run, frame: int) -> Any:
+    """A frame as a `pyvista.UnstructuredGrid`, curved: a, u, v, xi at nodes, a_cells, delta on cells."""
+    import pyvista
+
+    n_local, n_cells = run.cells.shape
+    kind = pyvista.CellType.TRIANGLE if run.order == 1 else pyvista.CellType.LAGRANGE_TRIANGLE
+    cells = np.insert(run.cells, 0, n_local, axis=0).T.ravel()
+    found = pyvista.UnstructuredGrid(cells, np.full(n_cells, kind, np.uint8), in_space(run.points[frame]))
+    for name, vectors in {"u": run.u[frame], "v": run.v[frame], "xi": run.xi}.items():
+        found.point_data[name] = in_space(vectors)
+    found.point_data["a"] = run.a_points[frame]
+    found.cell_data["a_cells"], found.cell_data["delta"] = run.a_cells[frame], run.delta
+    return found
+
+
+def in_space(vectors: Array) -> Array:
+    """(2, N) as VTK's (N, 3)."""
+    return np.pad(vectors.T, ((0, 0), (0, 1)))
+
+
+def can_draw() -> bool:
+    """Whether VTK finds something to draw with; where it does not, it ends the process."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY")) or _window() is not None
+
+
+def _window() -> str | None:
+    """What VTK can draw into memory with."""
+    for window, libraries in _OFF_SCREEN.items():
+        for library in libraries:
+            with suppress(OSError):
+                ctypes.CDLL(library)
+                return window
+    return None
+
+
+def _drawn(run: Run, frames: Sequence[int], field: str) -> Iterator[Picture]:
+    """Pictures of frames, in a window that holds the whole film and with one range of colours."""
+    if not can_draw():
+        raise UserError(
+            "render: VTK has nothing to draw with; valid: libEGL (Debian: libegl1), OSMesa, a display"
+        )
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        # else VTK looks for a display first, and says so
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", _window() or "")
+    import pyvista
+
+    cuts = 1 + int(np.clip(np.log(_PIECES / run.triangles.shape[1]) / np.log(4), 0, 3))
+    low, high = _range(run, frames, field)
+    x = np.concatenate([run.xi[None], run.points])
+    x = x[np.isfinite(x).all(axis=(1, 2))]
+    centre, half = (x.max((0, 2)) + x.min((0, 2))) / 2, 0.5 * np.ptp(x, axis=(0, 2)).max()
+    start = grid(run, frames[0]).warp_by_vector("u", factor=-1.0)
+    outline = _surface(start, cuts).extract_feature_edges(
+        boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False
+    )
+    title = f"{run.attributes['scene_name']}, {run.attributes['method_name']}"
+    plotter = pyvista.Plotter(off_screen=True, window_size=(_SIDE, _SIDE))
+    plotter.enable_parallel_projection()
+    plotter.camera_position = [(*centre, 10.0), (*centre, 0.0), (0.0, 1.0, 0.0)]
+    plotter.camera.parallel_scale = 1.3 * half
+    try:
+        for frame in frames:
+            plotter.clear_actors()
+            plotter.add_mesh(
+                _surface(grid(run, frame), cuts),
+                scalars=field,
+                clim=(low, high),
+                cmap="viridis",
+                lighting=False,
+                reset_camera=False,
+                scalar_bar_args={**_BAR, "title": FIELDS[field]},
+            )
+            plotter.add_mesh(outline, color="grey", line_width=1.5, lighting=False, reset_camera=False)
+            plotter.add_text(f"{title}, t = {run.times[frame]:.6g}", font_size=10, color="black")
+            yield np.asarray(plotter.screenshot(return_img=True))
+    finally:
+        plotter.close()
+
+
+def _surface(cells: Any, cuts: int) -> Any:
+    """Flat pieces of a grid's curved cells."""
+    return cells.extract_surface(nonlinear_subdivision=cuts, algorithm="dataset_surface")
+
+
+def _range(run: Run, frames: Sequence[int], field: str) -> tuple[float, float]:
+    """Smallest and largest finite value of a field in frames."""
+    stored = {"a": run.a_points, "a_cells": run.a_cells, "u": run.u, "v": run.v}
+    if field == "delta":
+        return 0.0, 1.0
+    values = stored[field][frames]
+    values = np.hypot(*np.moveaxis(values, 1, 0)) if field in "uv" else values
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+
+
+def _ffmpeg() -> str:
+    """The path of ffmpeg: the system's, else the one that imageio-ffmpeg brings."""
+    if found := shutil.which("ffmpeg"):
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise UserError(
+            "--out: an .mp4 needs ffmpeg; valid: a .gif, or pip install 'actin-xcheck[film]' first"
+        ) from None
+
+
+def _video(pictures: Iterator[Picture], rate: float, ffmpeg: str) -> bytes:
+    """H.264, as every browser plays it."""
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{_SIDE}x{_SIDE}", "-r", f"{rate:g}", "-i", "-"]
+    made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    with TemporaryDirectory() as folder:  # the index at its head wants a file, no pipe
+        file = Path(folder) / "film.mp4"
+        raw = b"".join(picture.tobytes() for picture in pictures)
+        done = subprocess.run(
+            [ffmpeg, "-v", "error", *given, *made, str(file)], input=raw, capture_output=True, check=False
+        )
+        if done.returncode:
+            raise UserError(f"--out: {ffmpeg} makes no film: {done.stderr.decode(errors='replace')}")
+        return file.read_bytes()

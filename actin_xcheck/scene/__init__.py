@@ -1,0 +1,1 @@
+"""Scenes: the physics of a run, as data, and how it becomes a problem."""

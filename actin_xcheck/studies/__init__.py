@@ -1,0 +1,1 @@
+"""Studies: each asks for runs and says what the answers mean."""

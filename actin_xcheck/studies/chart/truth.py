@@ -1,0 +1,178 @@
+"""What errors are held against, how well that is known, and the errors of a measured run."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from actin_xcheck.core.model import Array
+from actin_xcheck.runs.accuracy import SHARE
+from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
+from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.chart.cloud import cloud
+from actin_xcheck.studies.chart.measure import Sample
+
+PRINTED = 1e-9
+"""Reference values are printed to ten digits."""
+
+
+class Quantity(StrEnum):
+    """What an error is charted of."""
+
+    CONCENTRATION = "a"
+    """At the end, L2 over the material disk, relative."""
+    AREA = "area"
+    """Largest over the output times, relative."""
+    PROBES = "probes"
+    """Largest over the scene's probes and the output times, absolute."""
+
+    @property
+    def heading(self) -> str:
+        """What it is, for a reader."""
+        return _WORDS[self][0]
+
+    @property
+    def words(self) -> str:
+        """How its error is measured."""
+        return _WORDS[self][1]
+
+
+_WORDS = {
+    Quantity.CONCENTRATION: ("Concentration", "at the end, relative L2 over material points"),
+    Quantity.AREA: ("Area", "relative, largest over the output times"),
+    Quantity.PROBES: (
+        "Probes",
+        "concentration at the scene's probes, largest over them and the output times",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Known:
+    """How a quantity is known: from where, in words, and up to which error (0: exactly, nan: not at all)."""
+
+    source: str
+    floor: float
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a scene's runs are held against.
+
+    Attributes
+    ----------
+    scene : whose.
+    fine : the run that gives whatever nothing else does.
+    area, probe_a : at the output times, (k,) and (k, n).
+    known : how each quantity is known.
+    """
+
+    scene: Scene
+    fine: Sample
+    area: Array
+    probe_a: Array
+    known: dict[Quantity, Known]
+
+
+def truth_of(scene: Scene, coarse: Sample, fine: Sample) -> Truth:
+    """Return the truth for a scene: the exact solution, else reference values, else the finer run.
+
+    The error of the finer run is `accuracy.SHARE` of its difference to the coarser one.
+    """
+    times = scene.output_times
+    area, probe_a = np.full(len(times), np.nan), np.full((len(times), len(scene.probes.points)), np.nan)
+    area[: len(fine.area)], probe_a[: len(fine.area)] = fine.area, fine.probe_a
+    known = {
+        quantity: Known(f"{fine.point.method.name}, {fine.point.numerics}", SHARE * change)
+        for quantity, change in _errors(scene, coarse, fine.cloud_a, area, probe_a).items()
+    }
+    if fine.ending != "completed":
+        reason = f"nothing: the reference run ends ({fine.ending}: {fine.message})"
+        known = {quantity: Known(reason, np.nan) for quantity in Quantity}
+    if reference := scene.expect.reference:
+        stated = Known(reference.origin, PRINTED)
+        at = [(times.index(values.time), values) for values in reference.at]
+        if all(values.area is not None for _, values in at):
+            area[:] = np.nan
+            area[[row for row, _ in at]] = [values.area for _, values in at]
+            known[Quantity.AREA] = stated
+        if all(values.probe_a is not None for _, values in at):
+            probe_a[:] = np.nan
+            probe_a[[row for row, _ in at]] = [values.probe_a for _, values in at]
+            known[Quantity.PROBES] = stated
+    if scene.expect.exact:
+        known |= dict.fromkeys((Quantity.CONCENTRATION, Quantity.PROBES), Known("the exact solution", 0.0))
+    return Truth(scene, fine, area, probe_a, known)
+
+
+def errors_of(truth: Truth, sample: Sample) -> dict[Quantity, float]:
+    """Return the errors of a run; nan where it failed or nothing is known."""
+    scene, cloud_a, probe_a = truth.scene, truth.fine.cloud_a, truth.probe_a
+    if scene.expect.exact and sample.ending == "completed":
+        points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
+        cloud_a = _exact(scene, cloud(scene.parameters.l0)[0], sample.cloud_x, scene.output_times[-1])
+        probe_a = np.array(
+            [_exact(scene, points, x, t) for x, t in zip(sample.probe_x, sample.times, strict=True)]
+        )
+    found = _errors(scene, sample, cloud_a, truth.area, probe_a)
+    return {
+        quantity: np.nan if np.isnan(truth.known[quantity].floor) else found[quantity] for quantity in found
+    }
+
+
+def _exact(scene: Scene, points: Array, x: Array, t: float) -> Array:
+    """The exact concentration (n,) of material points (2, n) of the scene's frame that are at x (n, 2)."""
+    assert scene.expect.exact is not None
+    return in_scene_frame(scene, scene.expect.exact.a, x.T, turn_matrix(scene) @ points, t)
+
+
+def _errors(
+    scene: Scene, sample: Sample, cloud_a: Array, area: Array, probe_a: Array
+) -> dict[Quantity, float]:
+    """Errors against values on the cloud and at the output times; nan of a run that did not complete."""
+    if sample.ending != "completed":
+        return dict.fromkeys(Quantity, np.nan)
+    _, weights = cloud(scene.parameters.l0)
+    return {
+        Quantity.CONCENTRATION: float(
+            np.sqrt(weights @ (sample.cloud_a - cloud_a) ** 2 / (weights @ cloud_a**2))
+        ),
+        Quantity.AREA: _largest(sample.area / area - 1),
+        Quantity.PROBES: _largest(sample.probe_a - probe_a),
+    }
+
+
+def _largest(differences: Array) -> float:
+    """Largest size of those that are numbers; nan where none is."""
+    sizes = np.abs(differences)[np.isfinite(differences)]
+    return float(sizes.max()) if sizes.size else np.nan
+
+
+class Standing(StrEnum):
+    """What a point is in a chart of one quantity."""
+
+    JUDGED = "judged"
+    """Its error is a number that means something."""
+    FAILED = "failed"
+    SILENT = "silently inaccurate"
+    """It completed without a complaint, and is wrong."""
+    BELOW = "below the reference's own error"
+    UNKNOWN = "nothing to hold it against"
+
+
+WRONG = 0.05
+"""Relative L2 error of the concentration above which a completed run is silently inaccurate."""
+
+
+def standing(
+    sample: Sample, errors: dict[Quantity, float], quantity: Quantity, known: dict[Quantity, Known]
+) -> Standing:
+    """Return what a run is in the chart of a quantity."""
+    error, floor = errors[quantity], known[quantity].floor
+    if sample.ending != "completed":
+        return Standing.FAILED
+    if errors[Quantity.CONCENTRATION] > WRONG:
+        return Standing.SILENT
+    if not np.isfinite(error):
+        return Standing.UNKNOWN
+    return Standing.BELOW if error <= floor else Standing.JUDGED

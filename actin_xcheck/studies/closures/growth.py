@@ -1,0 +1,122 @@
+"""Ripples measured one by one: how each amplitude grows with the radius of a swelling disk."""
+
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+import tomli_w
+
+from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.runs.march import integrate
+from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.studies.closures.rims import Rims, mean_radius
+from actin_xcheck.theory.ripples import ripple_exponent
+
+BASE = "swelling-disk"
+
+AMPLITUDE = 1e-5
+"""Of a ripple: first order to 1e-6 for the largest m, and 1e11 times round-off."""
+
+STEPS, DT = 2, 1e-3
+"""So short a time that concentration, which theory leaves out, has none to answer: R changes by 1e-4."""
+
+MODES = (2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48)
+"""Wave numbers; those a rim has nodes for are measured."""
+
+
+@dataclass(frozen=True)
+class Ripples:
+    """A measurement that is asked for: every ripple of one method on one mesh.
+
+    Attributes
+    ----------
+    method, refine : numerics.
+    closure : the reading of the rim.
+    advancing : whether the rim advances; it retracts where p has the other sign.
+    modes : wave numbers.
+    """
+
+    method: str
+    refine: int
+    closure: Closure
+    advancing: bool = True
+    modes: tuple[int, ...] = MODES
+
+    @property
+    def key(self) -> str:
+        """Its name in files."""
+        way = "advancing" if self.advancing else "retracting"
+        return f"{self.method}--{self.refine}--{self.closure}--{way}"
+
+    @property
+    def cost(self) -> int:
+        """About how long it takes, in milliseconds."""
+        method = find_method(self.method)
+        nodes = 4.0**self.refine * method.space**2
+        return round(len(self.modes) * nodes / 8 * method.order_dt * (3 if method.family == "fv" else 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """What was measured.
+
+    Attributes
+    ----------
+    asked : what was asked for.
+    nodes : of the rim.
+    speed : of the rim, mean over the time.
+    modes : wave numbers (n,), each below half the nodes.
+    measured, predicted : gamma (n,): the amplitude goes like R^gamma.
+    """
+
+    asked: Ripples
+    nodes: int
+    speed: float
+    modes: Array
+    measured: Array
+    predicted: Array
+
+
+def rippled(closure: Closure, advancing: bool, m: int) -> Scene:
+    """Return the swelling (or shrinking) disk, its rim displaced by a ripple; m = 0 is the disk itself."""
+    table = tomllib.loads(load_scene(BASE).text)
+    table["name"] = f"{BASE}-{m}"
+    table["model"]["closure"] = str(closure)
+    table["parameters"]["p"] *= 1 if advancing else -1
+    table["time"] = {"end": STEPS * DT}
+    if m:
+        ripple = f"{AMPLITUDE}*r**{m}*cos({m}*theta)"
+        table["initial"]["u"] = [f"{ripple}*cos(theta)", f"{ripple}*sin(theta)"]
+    return parse_scene(tomli_w.dumps(table), table["name"])
+
+
+def measure(asked: Ripples) -> Spectrum:
+    """Run every ripple beside the disk without one and read off how its amplitude grew."""
+    bare = _rims(asked, 0)
+    nodes = bare.shape[-1]
+    modes = [m for m in asked.modes if m < nodes / 2]
+    radius = mean_radius(bare)
+    grown = np.log(radius[-1] / radius[0])
+    angles = 2 * np.pi * np.arange(nodes) / nodes
+    measured = []
+    for m in modes:
+        ripple = np.hypot(*_rims(asked, m).swapaxes(0, 1)) - np.hypot(*bare.swapaxes(0, 1))
+        amplitude = ripple @ np.cos(m * angles) * 2 / nodes
+        measured.append(np.log(np.abs(amplitude[-1] / amplitude[0])) / grown)
+    parameters = load_scene(BASE).parameters
+    predicted = [ripple_exponent(asked.closure, parameters, m) for m in modes]
+    speed = float((radius[-1] - radius[0]) / (STEPS * DT))
+    return Spectrum(asked, nodes, speed, np.array(modes), np.array(measured), np.array(predicted))
+
+
+def _rims(asked: Ripples, m: int) -> Array:
+    """The rim (n_states, 2, n) of a run with the ripple m."""
+    scene = rippled(asked.closure, asked.advancing, m)
+    solver = bind(scene, find_method(asked.method), asked.refine, DT)
+    rims = Rims(solver)
+    outcome = integrate(solver, DT, scene.output_times, rims)
+    if not outcome.ok:
+        raise ArithmeticError(f"{asked.key}, m = {m}: {outcome.message}")
+    return np.array(rims.rims)

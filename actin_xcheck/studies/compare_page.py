@@ -1,0 +1,153 @@
+"""One self-contained page from a comparison's files: all that is made here are pictures of what is stored."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.model import CAVEATS
+from actin_xcheck.report.charts import Chart, charts
+from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.film import FilmStrip, film_strip
+from actin_xcheck.report.player import film_data
+from actin_xcheck.report.svg import STYLES, Style
+from actin_xcheck.runs.store import Comparison, Run, read_comparison
+from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.studies.compare_triangles import TrianglePicture, triangle_picture
+from actin_xcheck.verdicts.triangulate import Triangle, read_triangles
+
+
+@dataclass(frozen=True)
+class _Section:
+    """All the page says about one scene: its runs with how each is drawn, and what was made of them.
+
+    `right` is the run that the film shows beside the first one: finite volumes where there are some.
+    """
+
+    number: int
+    name: str
+    scene: Scene
+    runs: tuple[tuple[Run, Style], ...]
+    strip: FilmStrip
+    film: dict[str, Any]
+    right: int
+    charts: tuple[Chart, ...]
+    triangles: tuple[TrianglePicture, ...]
+
+    @property
+    def caveat(self) -> str | None:
+        """What a reader must know of the scene's closure."""
+        return CAVEATS.get(self.scene.physics.closure)
+
+    @property
+    def properties(self) -> list[tuple[str, str]]:
+        """What defines the scene, symbol by symbol, defaults included (non-dimensional)."""
+        p, model, initial = self.scene.parameters, self.scene.model, self.scene.initial
+        symbols = {"ψ": p.psi, "p": p.p, "d": p.d, "a_sat": p.a_sat, "μ₁": p.mu1, "μ₂": p.mu2, "ν": p.nu}
+        stated = [(symbol, f"{value:.6g}") for symbol, value in symbols.items()]
+        stated += [("ℓ₀", f"{p.l0:g}"), ("rheology", model.rheology), ("closure", model.closure)]
+        stated += [("δ", model.delta), ("a(t = 0)", str(initial.a))]
+        if initial.u:
+            stated.append(("u(t = 0)", ", ".join(map(str, initial.u))))
+        if mode := initial.eigenmode:
+            stated.append(("eigenmode", f"w_{mode.m}{mode.n}, amplitude {mode.amplitude:g}"))
+        if motion := self.scene.motion:
+            stated.append(("motion", f"x = {motion.x}, y = {motion.y}"))
+        if self.scene.source_term:
+            stated.append(("source of a", str(self.scene.source_term)))
+        if not model.reaction:
+            stated.append(("reaction", "off"))
+        return [*stated, ("t end", f"{self.scene.time.end:g}")]
+
+
+def write_report(folder: Path) -> Path:
+    """Write `folder/index.html` from `folder/comparison.h5` and the runs it links, and return its path.
+
+    Raises
+    ------
+    UserError : the comparison or one of its runs is missing or not whole.
+    """
+    folder = Path(folder)
+    comparison = read_comparison(folder / "comparison.h5")
+    template = environment(folder).get_template("page.html")
+    html = template.render(
+        attributes=comparison.attributes,
+        claims=_grouped(comparison),
+        failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
+        total=sum(claim.judged for claim in comparison.claims),
+        unjudged=sum(not claim.judged for claim in comparison.claims),
+        sections=_sections(comparison, read_triangles(comparison.path)),
+        versions=_versions(comparison),
+    )
+    return put_page(folder, html)
+
+
+def _sections(comparison: Comparison, triangles: Sequence[Triangle]) -> list[_Section]:
+    """One section a scene, in the order in which they were compared, finite elements first."""
+    by_scene: dict[str, list[Run]] = {}
+    for run in comparison.runs.values():
+        by_scene.setdefault(run.attributes["scene_name"], []).append(run)
+    return [
+        _section(i, name, sorted(runs, key=_rank), [one for one in triangles if one.scene == name])
+        for i, (name, runs) in enumerate(by_scene.items(), 1)
+    ]
+
+
+def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Triangle]) -> _Section:
+    for run in runs:
+        _stated(run, "method")
+        if not run.series or not len(run.times):
+            raise UserError(f"{run.path}: there is nothing to draw")
+    scene = parse_scene(runs[0].attributes["scene"], f"{runs[0].path}: /run scene")
+    styles = {run.attributes["method_name"]: STYLES[i % len(STYLES)] for i, run in enumerate(runs)}
+    strip = film_strip(runs)
+    finite_volumes = (i for i, run in enumerate(runs) if i and run.attributes["method_name"].startswith("fv"))
+    drawn = [triangle_picture(one, styles, f"t{number}-{i}") for i, one in enumerate(triangles)]
+    return _Section(
+        number,
+        name,
+        scene,
+        tuple(zip(runs, styles.values(), strict=True)),
+        strip,
+        film_data(runs, strip),
+        next(finite_volumes, len(runs) - 1),
+        tuple(charts(runs, f"s{number}")),
+        tuple(drawn),
+    )
+
+
+def _stated(run: Run, name: str) -> dict[str, Any]:
+    """What a run states in JSON; UserError where it states none."""
+    try:
+        found = json.loads(run.attributes[name])
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{run.path}: /run states no {name} in JSON")
+    return found
+
+
+def _rank(run: Run) -> int:
+    family = run.attributes["method_name"].split("-")[0]
+    return ("fem", "fv").index(family) if family in ("fem", "fv") else 2
+
+
+def _grouped(comparison: Comparison) -> dict[str, list[Claim]]:
+    """Claims by scene, in their order."""
+    by_scene: dict[str, list[Claim]] = {}
+    for claim in comparison.claims:
+        by_scene.setdefault(claim.scene, []).append(claim)
+    return by_scene
+
+
+def _versions(comparison: Comparison) -> dict[str, str]:
+    """What computed: name -> version, all of them where runs and comparison differ."""
+    found: dict[str, dict[str, None]] = {}  # dicts keep the order, sets do not
+    stated: list[dict[str, Any]] = [_stated(run, "versions") for run in comparison.runs.values()]
+    for versions in stated:
+        for name, version in versions.items():
+            found.setdefault(name, {})[str(version)] = None
+    return {name: ", ".join(versions) for name, versions in found.items()}

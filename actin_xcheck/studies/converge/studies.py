@@ -1,0 +1,203 @@
+"""Studies: one scene by one method on successive levels, one quantity, one truth, one declared order.
+
+With h goes dt ~ h^(order_h/order_dt), so that both parts of the error fall together; dt alone is refined on
+one mesh, against the next finer level (Richardson), which leaves the error in space out.  Levels are fixed
+and consecutive: none can be picked for its slope.  Of which scenes a method's orders are claimed follows from
+their data alone (`conditions.py`).
+"""
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import tomli_w
+
+from actin_xcheck.core.files import replace_file
+from actin_xcheck.core.model import Delta
+from actin_xcheck.runs.method import Method
+from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.studies.compare import Job
+from actin_xcheck.theory import growth_rate
+from actin_xcheck.verdicts.conditions import orders_lost_in_h, why_not
+from actin_xcheck.verdicts.quantities import Quantity
+
+REFINES = (1, 2, 3, 4, 5)
+"""Meshes of 64 to 16384 cells."""
+
+FIXED_REFINE = 3
+"""The mesh on which dt is refined, above P2 the next coarser one: what it leaves out does not matter."""
+
+FIXED_STEPS = (5, 10, 20, 40, 80, 160)
+"""Steps of a dt study over the whole time; 2/5 of them for pairs of order 4, which are in round-off else."""
+
+COARSEST_STEPS = {1: 1, 2: 8, 3: 8, 4: 2}
+"""Steps on the coarsest mesh, by the order in time: a first-order scheme makes four times as many on the next
+one, and 256 on the finest; the others are so many that the error in space leads."""
+
+PRINTED = 1e-9
+"""Reference values are printed to ten digits."""
+
+
+class Refined(StrEnum):
+    """What becomes smaller from level to level."""
+
+    H = "h"
+    """The mesh width, and dt with it."""
+    DT = "dt"
+    """The time step alone."""
+
+
+class Truth(StrEnum):
+    """What a number is held against."""
+
+    EXACT = "the exact solution"
+    MODE = "the exact mode"
+    REFERENCE = "the scene's reference values"
+    RICHARDSON = "the next finer level"
+
+
+@dataclass(frozen=True)
+class Level:
+    """A mesh of 2**refine layers and a number of equal steps."""
+
+    refine: int
+    steps: int
+
+
+@dataclass(frozen=True)
+class Study:
+    """A sequence of levels and what is read off it.
+
+    Attributes
+    ----------
+    scene : as it is run, see `final`.
+    origin : what the user calls the scene.
+    method, refined, quantity, truth : what is done.
+    levels : coarsest first.
+    no_claim : why no order is claimed; empty where one is.
+    """
+
+    scene: Scene
+    origin: str
+    method: Method
+    refined: Refined
+    quantity: Quantity
+    truth: Truth
+    levels: tuple[Level, ...]
+    no_claim: str
+
+    @property
+    def key(self) -> str:
+        """A name of its own in the file of a report."""
+        return f"{self.scene.name}--{self.method.name}--{self.refined}--{self.quantity}"
+
+    @property
+    def declared(self) -> float:
+        """The order of the method, in h as far as the scene lets it come."""
+        if self.refined is Refined.DT:
+            return self.method.order_dt
+        return max(self.method.order_h - orders_lost_in_h(self.scene), 0)
+
+    @property
+    def at_least(self) -> bool:
+        """Whether more than the declared order in h holds too: P_k gives numbers of the whole cell to 2 k."""
+        return self.refined is Refined.H and self.quantity.is_functional
+
+    @property
+    def floor(self) -> float:
+        """Errors up to this say nothing."""
+        return max(self.quantity.floor, PRINTED if self.truth is Truth.REFERENCE else 0.0)
+
+    def steps_of(self, level: Level) -> tuple[float, float]:
+        """(h, dt) of a level."""
+        return 2.0**-level.refine, self.scene.time.end / level.steps
+
+    def job(self, level: Level, folder: Path) -> Job:
+        """The run of a level."""
+        name = f"{self.scene.name}--{self.method.name}--{level.refine}--{level.steps}.vtkhdf"
+        _, dt = self.steps_of(level)
+        return Job(self.scene, self.method, level.refine, dt, folder / "runs" / name)
+
+
+def studies_of(name_or_path: str | Path, methods: Sequence[Method], folder: Path) -> list[Study]:
+    """Return the studies of a scene, which is written to `folder/scenes` as it is run.
+
+    A method that declares order 0 in space is kept to show that it stalls: it is studied in h only, where the
+    exact solution is known.
+    """
+    origin = load_scene(name_or_path)
+    scene = final(origin, folder)
+    studies = []
+    for method in methods:
+        if not (method.order_h or scene.expect.exact):
+            continue
+        for refined in Refined if method.order_h else (Refined.H,):
+            levels = _levels(scene, method, refined)
+            studies += [
+                Study(
+                    scene, origin.origin, method, refined, quantity, truth, levels,
+                    why_not(scene, method, quantity),
+                )
+                for quantity, truth in _measured(scene, refined)
+            ]  # fmt: skip
+    return studies
+
+
+def final(scene: Scene, folder: Path) -> Scene:
+    """Return the scene without intermediate output times, so that all steps are equal.
+
+    Only reference values at the last of their times are kept; where the scene goes on beyond, it ends there.
+    Where delta does not jump at the ring, l0 is nothing but a line of nodes: on 1/2 every mesh has it without
+    being bent, and is the next coarser one refined.  With another l0 local orders scatter by 0.2.
+    """
+    table = tomllib.loads(scene.text)
+    if scene.physics.delta is not Delta.RING:
+        table["dimensional" if scene.dimensional else "parameters"]["l0"] = 0.5
+    reference = table.get("expect", {}).get("reference")
+    if reference:
+        last = max(reference["at"], key=lambda at: at["time"])
+        reference["at"] = [last]
+        reference["bound"] = {name: bound for name, bound in reference["bound"].items() if name in last}
+        if scene.expect.growth_rate is None:
+            table["time"]["end"] = last["time"]
+    table["time"].pop("outputs", None)
+    path = folder / "scenes" / f"{scene.name}.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, tomli_w.dumps(table).encode())
+    return load_scene(path)
+
+
+def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, Truth]]:
+    """What is measured, and held against what, for a scene that expects what this one does."""
+    expect, found = scene.expect, []
+    if refined is Refined.DT:
+        if expect.growth_rate:
+            return [(Quantity.AMPLITUDE, Truth.RICHARDSON)]
+        moves = scene.motion is None and scene.parameters.psi + abs(scene.parameters.p) > 0
+        quantities = (Quantity.CONCENTRATION, *((Quantity.AREA,) if moves else ()))
+        return [(quantity, Truth.RICHARDSON) for quantity in quantities]
+    if expect.exact:
+        found.append((Quantity.CONCENTRATION, Truth.EXACT))
+    if expect.growth_rate:
+        found.append((Quantity.GROWTH_RATE, Truth.MODE))
+    if expect.reference:
+        known = expect.reference.bound
+        names = [name for name in ("area", "total_actin", "probe_a") if getattr(known, name)]
+        found += [(Quantity(name), Truth.REFERENCE) for name in names]
+    return found or [(Quantity.AREA, Truth.RICHARDSON), (Quantity.TOTAL_ACTIN, Truth.RICHARDSON)]
+
+
+def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[Level, ...]:
+    """The levels of a study, from the method's declared orders alone."""
+    if refined is Refined.DT:
+        refine = FIXED_REFINE - (method.space > 2)
+        return tuple(Level(refine, steps * 2 // 5 if method.order_dt > 3 else steps) for steps in FIXED_STEPS)
+    # an exhibit that stalls takes the steps of the second-order method it would be
+    ratio = (method.order_h or 2) / method.order_dt
+    first = COARSEST_STEPS[int(method.order_dt)]
+    if scene.expect.growth_rate:  # as many samples as its fit needs
+        assert scene.mode is not None
+        first = max(first, 5 if growth_rate(scene.physics, *scene.mode).imag else 2)
+    return tuple(Level(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in REFINES)

@@ -1,0 +1,166 @@
+"""What is run: scenes and methods on distorted meshes, step by step worse, each on two mesh widths."""
+
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.mesh import Mesh, disk
+from actin_xcheck.core.model import Delta
+from actin_xcheck.runs.method import Method
+from actin_xcheck.scene.distortion import flattened, off_ring, perturbed, stretched, without_layers
+from actin_xcheck.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Family:
+    """A way to make a mesh worse.
+
+    Attributes
+    ----------
+    key, title, note : what it is called, in the file and on the page, and what is done.
+    severity : what its numbers mean.
+    severities : from none to the worst.
+    distort : of a refinement, l0 and a severity the mesh.
+    """
+
+    key: str
+    title: str
+    note: str
+    severity: str
+    severities: tuple[float, ...]
+    distort: Callable[[int, float, float], Mesh]
+
+    @property
+    def none(self) -> float:
+        """The severity that changes nothing."""
+        return self.severities[0]
+
+
+def _perturbed(refine: int, l0: float, amount: float) -> Mesh:
+    return perturbed(disk(refine, l0), amount, l0, seed=refine)
+
+
+def _stretched(refine: int, l0: float, closer: float) -> Mesh:
+    return stretched(disk(refine, l0), closer)
+
+
+def _flattened(refine: int, l0: float, times: float) -> Mesh:
+    return flattened(disk(refine, l0), 1 / times, l0, seed=refine)
+
+
+FAMILIES = {
+    family.key: family
+    for family in (
+        Family(
+            "perturbed",
+            "Perturbed at random",
+            "Inner nodes are moved in random directions, by a part of the shortest side at each.",
+            "part of the shortest side",
+            (0.0, 0.1, 0.2, 0.3, 0.5),
+            _perturbed,
+        ),
+        Family(
+            "stretched",
+            "Needles",
+            "Half of the rays are drawn together about the y axis; the others share the room that leaves, so "
+            "that their cells become twice as wide.",
+            "rays closer by a factor",
+            (1.0, 4.0, 20.0, 90.0),
+            _stretched,
+        ),
+        Family(
+            "slivers",
+            "Slivers",
+            "About a tenth of the inner nodes are moved towards the middle of a side across, so that one "
+            "cell at each is flattened to an angle near 180 degrees.",
+            "cells flatter by a factor",
+            (1.0, 10.0, 100.0, 1000.0),
+            _flattened,
+        ),
+        Family(
+            "off-ring",
+            "A ring that no sides follow",
+            "The layer that should lie on the ring |xi| = l0, where delta jumps, lies outside of it.",
+            "offset in widths of a layer",
+            (0.0, 0.1, 0.2, 0.3),
+            off_ring,
+        ),
+    )
+}
+
+UNDISTORTED = "undistorted"
+"""The family of the disk's own mesh, taken as if its origin were unknown."""
+
+LEVELS = {1: (3, 4), 2: (2, 3), 3: (2, 3), 4: (2, 3)}
+"""The two refinements, by the order of the elements; finite volumes count as P1."""
+
+STEPS = {1: 64, 2: 32, 3: 24, 4: 24}
+"""Equal steps on the coarser mesh, by the order in time: errors in space lead.  On the finer one there are
+twice as many, four times by methods of first order."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run.
+
+    Attributes
+    ----------
+    scene : its TOML.
+    method : by name.
+    family, severity : the mesh, see `FAMILIES`, or `UNDISTORTED`.
+    refine, steps : its width and the equal steps to the scene's end.
+    """
+
+    scene: str
+    method: str
+    family: str
+    severity: float
+    refine: int
+    steps: int
+
+    @property
+    def mesh_name(self) -> str:
+        """A name for its mesh's file, without the suffix."""
+        return f"{self.family}-{self.severity:g}-refine-{self.refine}"
+
+    def mesh(self, l0: float) -> Mesh:
+        """Make its mesh."""
+        if self.family == UNDISTORTED:
+            return without_layers(disk(self.refine, l0))
+        return FAMILIES[self.family].distort(self.refine, l0, self.severity)
+
+    def command(self, scene: Scene) -> str:
+        """The command that makes the run again, in the report's folder."""
+        words = ["run", scene.origin, "--method", self.method, "--dt", repr(scene.time.end / self.steps)]
+        words += ["--mesh", f"meshes/{scene.name}/{self.mesh_name}.vtu", "--out", "run.vtkhdf"]
+        return "python -m actin_xcheck " + shlex.join(words)
+
+
+def families_of(scene: Scene) -> tuple[Family, ...]:
+    """Those that say something of a scene: without a jump at the ring it may lie anywhere."""
+    ring = scene.physics.delta is Delta.RING
+    return tuple(family for family in FAMILIES.values() if ring or family.key != "off-ring")
+
+
+def cases_of(scene: Scene, method: Method, family: Family, severity: float) -> tuple[Case, Case]:
+    """The runs of a method on one distortion: on the coarser and on the finer mesh."""
+    key, number = (UNDISTORTED, 0.0) if severity == family.none else (family.key, severity)
+    order = round(method.order_dt)
+    coarse, fine = LEVELS[method.space]
+    steps = STEPS[order], STEPS[order] * (4 if order == 1 else 2)
+    return (
+        Case(scene.text, method.name, key, number, coarse, steps[0]),
+        Case(scene.text, method.name, key, number, fine, steps[1]),
+    )
+
+
+def check(scene: Scene, methods: Sequence[Method]) -> None:
+    """UserError where a scene or a method cannot be held on a mesh of its own."""
+    if scene.domain.rotation:
+        raise UserError(f"{scene.origin}: domain.rotation: distorted meshes are not turned; valid: 0")
+    for method in methods:
+        if method.driven_by is not None:
+            raise UserError(
+                f"--method: {method.name} follows another run's nodes; valid: one that moves its own"
+            )

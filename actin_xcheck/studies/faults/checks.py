@@ -1,0 +1,278 @@
+"""The checks that faults are held against: the harness's own judges, on scenes and levels of a second or two.
+
+A check is a few runs and the claims that are made of them: those of `compare`, observed orders of
+`converge`, and what smaller models and chosen steps must keep to.  Nothing here judges; it chooses what is
+judged.  Every claim must hold without a fault.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
+from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import Run, read_run
+from actin_xcheck.runs.workers import Report
+from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.studies.compare import compare, jobs_of
+from actin_xcheck.studies.converge.examine import examine
+from actin_xcheck.studies.converge.record import Result
+from actin_xcheck.studies.converge.studies import Refined, studies_of
+from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole
+from actin_xcheck.verdicts.orders import TOLERANCE, Verdict
+
+QUIET: Report = lambda label, done, total: None  # noqa: E731
+
+
+class Check(Protocol):
+    """A few runs and what is claimed of them."""
+
+    @property
+    def name(self) -> str:
+        """What a reader calls it: command, scene, methods."""
+        ...
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a fault cannot make it take much longer: its runs have a fixed number of steps."""
+        ...
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """Run everything afresh, into a folder of its own, and judge it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A scene by one method or by two, as `compare` runs and judges it.
+
+    Attributes
+    ----------
+    scene, methods, refine : what is run.
+    steps : how many steps it is cut into at least.
+    rtol : for the adaptive methods, in place of steps.
+    """
+
+    scene: str
+    methods: tuple[str, ...]
+    refine: int
+    steps: int = 50
+    rtol: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The words of the command."""
+        return " ".join(["compare", self.scene, *self.methods, f"refine {self.refine}"])
+
+    @property
+    def bounded(self) -> bool:
+        """Not where steps are chosen by their error."""
+        return self.rtol is None
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """What is claimed of each run, of pairs of them, and of triangles with theory."""
+        scene = load_scene(self.scene)
+        methods = [find_method(name) for name in self.methods]
+        jobs = jobs_of([scene], methods, folder, self.refine, scene.time.end / self.steps, self.rtol)
+        return compare(jobs, folder, self.name)
+
+
+FREE_CELL = "free-cell"
+FREE_CELL_TEXT = f"""
+name = "{FREE_CELL}"
+source = "A mode of a free cell whose loads do not balance, without the pressure that costs an order"
+[parameters]
+psi = 200
+p = 0
+[model]
+closure = "traction-free"
+delta = "none"
+[initial]
+a = "1"
+eigenmode = {{ m = 1, n = 1, amplitude = 1e-6 }}
+[time]
+end = 0.5
+[expect.growth_rate]
+m = 1
+n = 1
+window = [0, 0.5]
+bound = {{ h2 = 14, dt = 7.2 }}
+"""
+
+
+@dataclass(frozen=True)
+class Studied:
+    """The first levels of `converge`'s own studies of a scene by a method.
+
+    Attributes
+    ----------
+    scene, method, refined : which studies.
+    levels : how many of their levels, coarsest first.
+    quantities : of which an order shows on so few levels.
+    """
+
+    scene: str
+    method: str
+    refined: Refined
+    levels: int
+    quantities: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The words of the command."""
+        return f"converge {self.scene} {self.method} in {self.refined}"
+
+    @property
+    def bounded(self) -> bool:
+        """All levels have their numbers of steps."""
+        return True
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """That the orders are those which are declared."""
+        place: str | Path = self.scene
+        if self.scene == FREE_CELL:
+            place = folder / f"{FREE_CELL}.toml"
+            place.write_text(FREE_CELL_TEXT, encoding="utf-8")
+        studies = [
+            replace(study, levels=study.levels[: self.levels])
+            for study in studies_of(place, [find_method(self.method)], folder)
+            if study.refined is self.refined and study.quantity in self.quantities
+        ]
+        return [_order(result) for result in examine(studies, folder, self.name, QUIET)]
+
+
+def _order(result: Result) -> Claim:
+    """A study's verdict as a claim: how far the last two local orders are from the declared one."""
+    found = result.observed
+    judged = found.verdict in (Verdict.PASS, Verdict.FAIL)
+    off = result.declared - np.array(found.local[-2:])
+    return Claim(
+        result.scene,
+        (result.method,),
+        f"the order in {result.refined} of {result.quantity} is {result.declared:g}: {found.reason}",
+        float((np.maximum(off, 0) if result.at_least else np.abs(off)).max()),
+        TOLERANCE if judged else np.nan,
+        result.command,
+        f"/studies/{result.key}",
+        f"value: the larger distance of the last two local orders, against {result.truth}",
+    )
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A smaller model of a scene, judged like any run; a sector is held against the whole cell too.
+
+    Attributes
+    ----------
+    scene, method, fidelity, refine : what is run.
+    steps : how many steps it is cut into at least.
+    rtol : what linear modes may neglect, in which case steps are chosen by their error too.
+    """
+
+    scene: str
+    method: str
+    fidelity: Fidelity
+    refine: int
+    steps: int = 50
+    rtol: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The words of the command."""
+        return f"run {self.scene} {self.method} refine {self.refine} fidelity {self.fidelity}"
+
+    @property
+    def bounded(self) -> bool:
+        """Linear modes are exact for a step of any length."""
+        return self.rtol is None or self.fidelity is Fidelity.MODAL
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """What the scene expects, and that a sector is the whole."""
+        scene, method = load_scene(self.scene), find_method(self.method)
+        reduction = reduced(scene, method, self.fidelity, self.rtol)
+        part = self._run(scene, folder, reduction)
+        claims = judge(scene, {self.method: part})
+        if self.fidelity is Fidelity.SECTOR:
+            whole = replace(reduction, fidelity=Fidelity.FULL, symmetry=None)  # on the same mesh
+            claims.append(same_as_whole(scene, self.method, part, self._run(scene, folder, whole)))
+        return claims
+
+    def _run(self, scene: Scene, folder: Path, reduction: Reduction) -> Run:
+        path = folder / f"{reduction.fidelity}.vtkhdf"
+        dt, method = scene.time.end / self.steps, find_method(self.method)
+        run(scene, method, self.refine, dt, path, self.name, rtol=self.rtol, reduction=reduction)
+        return read_run(path)
+
+
+@dataclass(frozen=True)
+class Tolerated:
+    """A scene with steps chosen by a tolerance, and by a smaller one.
+
+    Attributes
+    ----------
+    scene, method, refine, rtol : what is run.
+    smaller : by how much the other tolerance is.
+    """
+
+    scene: str
+    method: str
+    refine: int
+    rtol: float
+    smaller: float = 30.0
+
+    @property
+    def name(self) -> str:
+        """The words of the command."""
+        return f"run {self.scene} {self.method} refine {self.refine} rtol {self.rtol:g}"
+
+    @property
+    def bounded(self) -> bool:
+        """Steps are chosen by their error."""
+        return False
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """That the tolerance is kept."""
+        scene, method = load_scene(self.scene), find_method(self.method)
+        runs = []
+        for rtol in (self.rtol, self.rtol / self.smaller):
+            path = folder / f"{rtol:g}.vtkhdf"
+            run(scene, method, self.refine, scene.time.end, path, self.name, rtol=rtol)
+            runs.append(read_run(path))
+        return [*judge(scene, {self.method: runs[0]}), keeps_tolerance(scene, self.method, *runs)]
+
+
+PAPER, FV = "fem-p1-paper", "fv-coupled"
+IMEX, CURVED, FV_2 = "fem-p1-imex2", "fem-p2-imex3", "fv-order2"
+FIELD, AREA, RATE = "concentration", "area", "growth_rate"
+
+SUITE: tuple[Check, ...] = (
+    Compared("static-decay", (PAPER, FV), 3),
+    Compared("mode-11-wall", (PAPER, FV), 3),
+    Compared("mode-1-cell", (PAPER,), 4),
+    Compared("fig14-four-fronts", (PAPER,), 4, steps=80),
+    Compared("fig16-uniform-expansion", (PAPER,), 4),
+    Compared("fig14-four-fronts", (CURVED, FV_2), 3, rtol=1e-4),
+    Compared("mode-1-free-cell", (CURVED, FV_2), 3),
+    Studied("manufactured-moving", PAPER, Refined.H, 4, (FIELD,)),
+    Studied("manufactured-moving", IMEX, Refined.H, 4, (FIELD,)),
+    Studied("manufactured-moving", FV, Refined.H, 4, (FIELD,)),
+    Studied("manufactured-moving", FV_2, Refined.H, 4, (FIELD,)),
+    Studied("smooth-fronts", IMEX, Refined.DT, 5, (FIELD, AREA)),
+    Studied("smooth-fronts", FV_2, Refined.DT, 5, (FIELD,)),
+    Studied("fitted-ring", IMEX, Refined.H, 4, (AREA,)),
+    Studied("fitted-ring", CURVED, Refined.H, 4, (AREA,)),
+    Studied("fitted-ring", CURVED, Refined.DT, 5, (FIELD, AREA)),
+    Studied("mode-1-cell", CURVED, Refined.H, 4, (RATE,)),
+    Studied(FREE_CELL, CURVED, Refined.H, 4, (RATE,)),
+    Reduced("fig14-four-fronts", CURVED, Fidelity.SECTOR, 2, 40),
+    Reduced("smooth-fronts", PAPER, Fidelity.SECTOR, 3, 40),
+    Reduced("mode-0-cell", "fem-p4-imex4", Fidelity.RADIAL, 4, 100),
+    Reduced("mode-1-cell", "fem-p4-imex4", Fidelity.MODAL, 3, 100, 1e-4),
+    Tolerated("smooth-fronts", CURVED, 2, 1e-6),
+    Tolerated("smooth-fronts", FV_2, 2, 1e-5, 10.0),
+)
+"""Every fault turns at least one of these red."""

@@ -1,0 +1,130 @@
+"""Faults of the Runge-Kutta pairs, of step control, of curved elements and of meshes."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array
+from actin_xcheck.runs.method import load
+from actin_xcheck.studies.faults.fault import Fault, Function
+
+
+def _wrong_entry(right: Function, self: Any, *arguments: Any, **named: Any) -> None:
+    right(self, *arguments, **named)
+    entries = np.array(self.tableau.explicit)
+    entries[-1, :2] += 0.3, -0.3  # the row's sum, which is the stage's time, stays
+    self.tableau = replace(self.tableau, explicit=entries)
+
+
+def _embedded(right: Function, self: Any, *arguments: Any, **named: Any) -> None:
+    right(self, *arguments, **named)
+    self.tableau = replace(self.tableau, b=self.tableau.b_embedded)
+
+
+def _stages_at_start(right: Function, self: Any, *arguments: Any, **named: Any) -> None:
+    right(self, *arguments, **named)
+    self.tableau = replace(self.tableau, c=0 * self.tableau.c)
+
+
+def _first_velocity(right: Function, self: Any, old: Any, dt: float, stages: list[Any]) -> Any:
+    v = stages[0].move.v
+    return right(self, old, dt, [replace(stage, move=replace(stage.move, v=v)) for stage in stages])
+
+
+def _confident(right: Function, self: Any, state: Any, dt: float) -> Any:
+    new, outcome = right(self, state, dt)
+    return replace(new, local_error=1e-3 * new.local_error), outcome
+
+
+def _one_velocity(right: Function, self: Any, state: Any, dt: float, stage: Any, rates: list[Any]) -> Array:
+    return np.asarray(right(self, state, dt, stage, [rates[0] for _ in rates]))
+
+
+def _equal_weights(right: Function, *arguments: Any) -> tuple[Array, Array]:
+    points, weights = right(*arguments)
+    return points, np.full_like(weights, weights.mean())
+
+
+def _straight(right: Function, mesh: Mesh, triangles: Array, ring: float, order: int) -> Array:
+    nodes = load("fem.element:lagrange")(order).nodes
+    return np.einsum("cn,...ce->...ne", nodes, mesh.xi[:, triangles])
+
+
+def _unfitted(right: Function, points: Array, refine: int, ring: float, *rest: float) -> Array:
+    return np.asarray(right(points, refine, ring - 0.1, *rest))
+
+
+FAULTS = (
+    Fault(
+        "imex-tableau-entry",
+        "One entry of the explicit tableau is wrong by 0.3; its row has the right sum.",
+        "fem",
+        "fem.imex:FemImex.__init__",
+        _wrong_entry,
+    ),
+    Fault(
+        "imex-embedded-weights",
+        "The pair goes on with its embedded solution.",
+        "fem",
+        "fem.imex:FemImex.__init__",
+        _embedded,
+    ),
+    Fault(
+        "imex-stage-times",
+        "All stages take the source term and the prescribed velocity of the step's beginning.",
+        "fem",
+        "fem.imex:FemImex.__init__",
+        _stages_at_start,
+    ),
+    Fault(
+        "imex-first-velocity",
+        "The nodes of a step all move with the velocities of its first stage.",
+        "fem",
+        "fem.imex:FemImex._combined",
+        _first_velocity,
+    ),
+    Fault(
+        "imex-error-underestimated",
+        "The error estimate that chooses the steps is 1000 times too small.",
+        "fem",
+        "fem.imex:FemImex.step",
+        _confident,
+    ),
+    Fault(
+        "fv-error-underestimated",
+        "The error estimate that chooses the steps is 1000 times too small.",
+        "fv",
+        "fv.second_order:FvSecondOrder.step",
+        _confident,
+    ),
+    Fault(
+        "fv-first-velocity",
+        "Both stages move the nodes with the velocities of the step's beginning: a first-order start.",
+        "fv",
+        "fv.second_order:FvSecondOrder._place",
+        _one_velocity,
+    ),
+    Fault(
+        "quadrature-weights",
+        "All points of a quadrature have one weight: right for P1 cells, too low a degree above.",
+        "fem",
+        "fem.space:get_quadrature",
+        _equal_weights,
+    ),
+    Fault(
+        "curved-rim-dropped",
+        "All cells are straight: the P_k nodes of the rim lie on a polygon.",
+        "fem",
+        "fem.space:_curved",
+        _straight,
+    ),
+    Fault(
+        "ring-not-fitted",
+        "No line of nodes lies on the ring where δ jumps.",
+        "both",
+        "actin_xcheck.core.mesh:_on_circles",
+        _unfitted,
+    ),
+)

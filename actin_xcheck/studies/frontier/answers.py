@@ -1,0 +1,185 @@
+"""What a run answers, what a converged one answers, and how far apart two answers are."""
+
+import time
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from actin_xcheck.core.contract import Probes, State
+from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.runs.accuracy import LEVELS, estimated
+from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.resolve import turn_matrix
+from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.studies.frontier.planes import Point
+
+BOUND = 1e-2
+"""A completed run whose error is larger is silently wrong."""
+
+TIME_BOUND = 0.1
+"""Where the model ends, the largest relative error of the time at which a run says so."""
+
+TRUTH_LEVELS = LEVELS[1:4]
+"""Levels of the converged runs; each but the first is held against the one before."""
+
+TRUTH_SHARE = 0.1
+"""Of a bound, the part that may be left to the truth's own uncertainty before a finer level is tried."""
+
+TRUTH_MOST = 0.5
+"""Of a bound, the part at which it decides nothing any more."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a run says at its end, or in the last state that stood.
+
+    Attributes
+    ----------
+    ending, message : its Outcome.
+    t : the time it came to.
+    area, total_actin : of the cell then.
+    a, x : concentrations and positions (interleaved) of the scene's probes.
+    seconds : what it took.
+    """
+
+    ending: str
+    message: str
+    t: float
+    area: float
+    total_actin: float
+    a: tuple[float, ...]
+    x: tuple[float, ...]
+    seconds: float
+
+    @property
+    def completed(self) -> bool:
+        """Whether it came to its end."""
+        return self.ending == Ending.COMPLETED
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The answer of a converged run, by the finest level that was needed.
+
+    Attributes
+    ----------
+    answer : of that level.
+    level : its method, mesh and tolerance in words.
+    uncertainty : estimated error; of a model that ends, the relative one of the time. nan where two levels
+        do not end alike.
+    """
+
+    answer: Answer
+    level: str
+    uncertainty: float
+
+    @property
+    def bound(self) -> float:
+        """What errors against it are held to."""
+        return BOUND if self.answer.completed else TIME_BOUND
+
+    @property
+    def known(self) -> bool:
+        """Whether it can decide anything: levels end alike, of nothing but the model."""
+        ended = self.answer.ending in (Ending.COMPLETED, Ending.SINGULAR_DILATION)
+        return ended and self.uncertainty <= TRUTH_MOST * self.bound
+
+
+def lost(why: str) -> Answer:
+    """The answer of a run whose process ended under it: a failure of which nothing else is known."""
+    nan = float("nan")
+    return Answer(str(Ending.INTERRUPTED), why, nan, nan, nan, (), (), nan)
+
+
+ERRORS = ("area", "total_actin", "a", "x")
+"""Kinds of errors: relative for integrals, root mean square over the cloud for concentrations (relative) and
+positions (in radii of the disk)."""
+
+
+def errors_between(answer: Answer, truth: Answer) -> tuple[float, ...]:
+    """The errors of `ERRORS` between two completed runs."""
+    a, x = np.subtract(answer.a, truth.a), np.subtract(answer.x, truth.x).reshape(-1, 2)
+    return (
+        abs(answer.area / truth.area - 1),
+        abs(answer.total_actin / truth.total_actin - 1),
+        float(np.linalg.norm(a) / np.linalg.norm(truth.a)),
+        float(np.sqrt((x**2).sum(axis=1).mean())),
+    )
+
+
+def answer_of(point: Point) -> Answer:
+    """Run a point in memory with equal steps."""
+    return _run(point.scene, point.method, point.refine, point.dt, None)
+
+
+def truth_of(scene: str) -> Truth:
+    """Run a scene (TOML) on finer and finer levels until two agree to `TRUTH_SHARE` of the bound."""
+    answers: list[Answer] = []
+    truth: Truth | None = None
+    for level in TRUTH_LEVELS:
+        answers.append(_run(scene, level.method.name, level.refine, None, level.rtol))
+        if len(answers) > 1:
+            words = f"{level.method.name}, refine {level.refine}, rtol {level.rtol:g}"
+            truth = Truth(answers[-1], words, _uncertainty(answers))
+            if truth.uncertainty <= TRUTH_SHARE * truth.bound:
+                break
+    assert truth is not None
+    return truth
+
+
+def _uncertainty(answers: Sequence[Answer]) -> float:
+    """Of the last level, by the changes to it and to those before."""
+    changes = [_change(one, other) for one, other in pairwise(answers)]
+    return estimated(changes, [level.share for level in TRUTH_LEVELS[1 : len(answers)]])
+
+
+def _change(coarse: Answer, fine: Answer) -> float:
+    if coarse.ending != fine.ending:
+        return float("nan")
+    return max(errors_between(coarse, fine)) if fine.completed else abs(coarse.t / fine.t - 1)
+
+
+_PROBES: dict[Hashable, Probes] = {}
+"""What reads the cloud off states, by method, mesh and points: finding them takes longer than many a run."""
+
+
+class _Last:
+    """Keeps the last state that stood."""
+
+    state: State
+
+    def record(self, dt: float, state: State) -> None:
+        self.state = state
+
+    def frame(self, state: State) -> None:
+        """Output times mean nothing here."""
+
+
+def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | None) -> Answer:
+    """Run a scene with equal steps of dt, or with steps chosen by their error."""
+    began = time.perf_counter()
+    scene, chosen, last = parse_scene(text, "a point of the plane"), find_method(method), _Last()
+    step = dt or scene.time.end
+    solver = bind(scene, chosen, refine, step)
+    tolerance = None if rtol is None else Tolerance(rtol, chosen.order_dt)
+    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
+        outcome: Outcome = integrate(solver, step, scene.output_times, last, tolerance)
+        measured = solver.measure(last.state)
+        where = (method, refine, scene.parameters.l0, scene.domain.rotation, scene.probes.points)
+        if where not in _PROBES:
+            _PROBES[where] = solver.probes(turn_matrix(scene) @ np.array(scene.probes.points).T)
+        a, x = _PROBES[where](last.state)
+    return Answer(
+        str(outcome.ending),
+        outcome.message,
+        float(last.state.t),
+        measured.area,
+        measured.total_actin,
+        tuple(a.tolist()),
+        tuple(x.ravel().tolist()),
+        time.perf_counter() - began,
+    )

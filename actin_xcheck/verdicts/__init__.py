@@ -1,0 +1,1 @@
+"""What stored runs prove: claims, uncertainties, observed orders."""

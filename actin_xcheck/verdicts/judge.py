@@ -1,0 +1,289 @@
+"""Claims about the stored runs of one scene: each compares numbers from files with a bound.
+
+Single-mesh bounds are C_h h^2 + C_dt dt with slope constants stored in the scene's `[expect]`; orders
+themselves are the business of convergence studies.
+"""
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from actin_xcheck.core import lagrange
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.model import Array
+from actin_xcheck.runs.accuracy import change
+from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.store import Run
+from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
+from actin_xcheck.scene.scene import Scene
+from actin_xcheck.scene.tables import Bound
+from actin_xcheck.theory import fit_growth, growth_rate
+
+CONSERVATION_BOUND = 1e-12
+
+LINEAR_BOUND = 1e-8
+"""Of the rate of one linear mode, relative: round-off of 1e-16 over an amplitude of 1e-6, and a fit of it."""
+
+TOLERANCES = 10.0
+"""The errors of all steps, in tolerances of one: they add up, and grow with the cell."""
+
+SAME = 1e-10
+"""Relative difference of two runs that differ in round-off."""
+
+
+def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
+    """Return every claim that can be made about a scene's runs, given by method name."""
+    claims = [claim for name, run in runs.items() for claim in _Judge(scene, name, run).claims()]
+    for (one, first), (other, second) in combinations(runs.items(), 2):
+        if one.split("-")[0] != other.split("-")[0]:  # one code against the other
+            claims += _agreement(scene, (one, first), (other, second))
+    return claims
+
+
+def keeps_tolerance(scene: Scene, method: str, run: Run, tighter: Run) -> Claim:
+    """Whether a run that chose its steps is as accurate as it was asked to be.
+
+    Parameters
+    ----------
+    scene, method : of both runs, on one mesh.
+    run, tighter : by a tolerance, and by one so much smaller that its own error does not count.
+    """
+    rtol = float(run.attributes["rtol"])
+    return _difference(
+        scene,
+        method,
+        (run, tighter),
+        f"steps chosen by the tolerance {rtol:g} keep it (largest change of area, total actin and probes "
+        f"with a tolerance {rtol / tighter.attributes['rtol']:.0f} times smaller)",
+        TOLERANCES * rtol,
+        f"bound = {TOLERANCES:g} tolerances",
+    )
+
+
+def same_as_whole(scene: Scene, method: str, part: Run, whole: Run) -> Claim:
+    """Whether a sector of the cell gives what the whole cell gives, on the same mesh with the same steps."""
+    statement = (
+        "a sector and the whole cell are the same (largest difference of area, total actin and probes)"
+    )
+    return _difference(
+        scene, method, (part, whole), statement, SAME, "one differs from the other in round-off"
+    )
+
+
+def _difference(
+    scene: Scene, method: str, runs: tuple[Run, Run], statement: str, bound: float, note: str
+) -> Claim:
+    """What two runs by one method must not differ by at the output times; no number where one failed."""
+    completed = all(run.attributes["outcome"] == "completed" for run in runs)
+    value = change(*runs, scene.output_times) if completed else np.nan
+    path = _path(scene, method, "run/series")
+    return Claim(
+        scene.name, (method,), statement, value, bound, str(runs[0].attributes["command"]), path, note
+    )
+
+
+def _path(scene: Scene, method: str, what: str) -> str:
+    return f"/runs/{scene.name}/{method}/{what}"
+
+
+def _command(scene: Scene, *runs: Run) -> str:
+    """What computes a claim's value again: the comparison of one scene at the same resolution."""
+    attributes = runs[0].attributes
+    methods = [word for run in runs for word in ("--method", str(run.attributes["method_name"]))]
+    numerics = ["--refine", str(attributes["refine"]), "--dt", repr(float(attributes["dt"]))]
+    return "python -m actin_xcheck " + shlex.join(["compare", scene.origin, *methods, *numerics])
+
+
+def _bound(bound: Bound, run: Run) -> tuple[float, str]:
+    """The bound at the run's resolution and how it is made up."""
+    h, dt = 2.0 ** -int(run.attributes["refine"]), float(run.attributes["dt"])
+    return (
+        bound.h2 * h**2 + bound.dt * dt,
+        f"bound = {bound.h2:g} h^2 + {bound.dt:g} dt, h = {h:g}, dt = {dt:g}",
+    )
+
+
+class _Judge:
+    """The claims about one run."""
+
+    def __init__(self, scene: Scene, method: str, run: Run) -> None:
+        self.scene, self.method, self.run = scene, method, run
+
+    def claims(self) -> Iterator[Claim]:
+        """Yield completion, conservation and whatever the scene's `[expect]` names."""
+        series, end = self.run.series, self.scene.output_times[-1]
+        yield self._claim(
+            f"runs to its end t = {end:g}",
+            end - float(series["time"][-1]),
+            0.0,
+            "run/series/time",
+            str(self.run.attributes["message"]) or "value: the time missing at the end",
+        )
+        yield self._claim(
+            "total actin obeys the scheme's balance at every step",
+            float(np.abs(series["balance_residual"]).max()),
+            CONSERVATION_BOUND,
+            "run/series/balance_residual",
+            "largest |balance_residual|, relative to total actin",
+        )
+        expect = self.scene.expect
+        if expect.exact is not None:
+            yield self._exact()
+        if expect.growth_rate is not None:
+            yield self._growth()
+        if expect.reference is not None:
+            yield from self._reference()
+
+    def _claim(self, statement: str, value: float, bound: float, what: str, note: str) -> Claim:
+        return Claim(
+            self.scene.name,
+            (self.method,),
+            statement,
+            value,
+            bound,
+            _command(self.scene, self.run),
+            _path(self.scene, self.method, what),
+            note,
+        )
+
+    def _completed(self) -> bool:
+        return bool(self.run.attributes["outcome"] == "completed")
+
+    def _exact(self) -> Claim:
+        expected = self.scene.expect.exact
+        assert expected is not None
+        bound, note = _bound(expected.bound, self.run)
+        error = l2_error(self.scene, self.run) if self._completed() else np.nan
+        return self._claim(
+            "concentration equals the exact solution at the end (relative L2 error)",
+            error,
+            bound,
+            "VTKHDF/CellData/a",
+            note,
+        )
+
+    def _growth(self) -> Claim:
+        expected = self.scene.expect.growth_rate
+        assert expected is not None
+        bound, note = _bound(expected.bound, self.run)
+        rate, measured = growth_rate(self.scene.physics, expected.m, expected.n), complex("nan")
+        # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
+        exponentials: Literal[1, 2] = 1 if self.scene.initial.eigenmode and not rate.imag else 2
+        if exponentials == 1 and self.run.attributes.get("fidelity") == Fidelity.MODAL:
+            bound, note = LINEAR_BOUND, "linear modes are carried exactly"
+        if self._completed():
+            time, amplitude = self.run.series["time"], self.run.series["mode_amplitude"]
+            try:
+                measured = fit_growth(time, amplitude, expected.window, exponentials).rate
+            except ValueError as error:  # too few samples, or no such exponentials: no number, no proof
+                note = f"{error}; {note}"
+        return self._claim(
+            f"mode ({expected.m}, {expected.n}) grows at the predicted rate {_complex(rate)} "
+            f"(relative error; measured {_complex(measured)})",
+            abs(measured - rate) / abs(rate) if rate else np.nan,
+            bound,
+            "run/series/mode_amplitude",
+            note,
+        )
+
+    def _reference(self) -> Iterator[Claim]:
+        expected = self.scene.expect.reference
+        assert expected is not None
+        errors = reference_errors(self.scene, self.run)
+        what = {
+            "area": "area equals the reference value (relative error",
+            "total_actin": "total actin equals the reference value (relative error",
+            "probe_a": "concentration at the probes equals the reference values (error",
+            "probe_x": "positions of the probes equal the reference values (error",
+        }
+        for quantity, words in what.items():
+            judged = getattr(expected.bound, quantity)
+            if judged is not None and quantity in errors:
+                bound, note = _bound(judged, self.run)
+                yield self._claim(
+                    f"{words}, largest over the output times)",
+                    errors[quantity],
+                    bound,
+                    f"run/series/{quantity}",
+                    f"{note}; {expected.origin}",
+                )
+
+
+def _complex(rate: complex) -> str:
+    """A growth rate, with its frequency where it has one."""
+    return f"{rate.real:.4f}" + (f" ± {rate.imag:.4f}i" if rate.imag else "")
+
+
+def l2_error(scene: Scene, run: Run) -> float:
+    """Relative L2 error at the end against `[expect.exact]`.
+
+    Of the P_k field on its curved cells for finite elements, of cell averages for finite volumes.
+    """
+    assert scene.expect.exact is not None
+    rule = lagrange.rule(run.order, 4 * run.order - 2)  # exact for the square of the field
+    x, xi, a = (rule.blend(nodal, run.cells) for nodal in (run.points[-1], run.xi, run.a_points[-1]))
+    exact = in_scene_frame(scene, scene.expect.exact.a, x, xi, float(run.times[-1]))
+    dx = rule.dx(run.points[-1], run.cells)
+    if str(run.attributes["method_name"]).startswith("fv"):
+        areas = dx.sum(axis=0)
+        exact = (exact * dx).sum(axis=0) / areas
+        return float(np.sqrt(areas @ (run.a_cells[-1] - exact) ** 2 / (areas @ exact**2)))
+    return float(np.sqrt(((a - exact) ** 2 * dx).sum() / (exact**2 * dx).sum()))
+
+
+def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
+    """Largest error over the reference times: relative for area and total actin, absolute for probes.
+
+    nan where the run did not reach a reference time.
+    """
+    assert scene.expect.reference is not None
+    errors: dict[str, list[float]] = {}
+    for at in scene.expect.reference.at:
+        row = int(np.argmin(np.abs(run.series["time"] - at.time)))
+        reached = abs(run.series["time"][row] - at.time) < 1e-9
+        for quantity in ("area", "total_actin", "probe_a", "probe_x"):
+            expected = getattr(at, quantity)
+            if expected is None:
+                continue
+            got: Array = run.series[quantity][row]
+            if quantity == "probe_x":
+                got = got @ turn_matrix(scene)
+            scale = expected if quantity in {"area", "total_actin"} else 1.0
+            difference = np.abs(np.asarray(got) - np.asarray(expected, dtype=float)) / scale
+            errors.setdefault(quantity, []).append(float(np.nanmax(difference)) if reached else np.nan)
+    return {quantity: float(np.max(values)) for quantity, values in errors.items()}
+
+
+def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:
+    """Whether two codes give the same concentration in the same material cells at the end."""
+    (name, first), (other_name, second) = one, other
+    bound, note = np.nan, "the scene states no bound: [expect.agreement] bound = { h2 = ... }"
+    orders = [json.loads(run.attributes["method"])["order_dt"] for run in (first, second)]
+    if orders[0] != orders[1]:
+        note = "their errors in time are of different order: what is left between them is not space alone"
+    elif scene.expect.agreement is not None:
+        bound, note = _bound(scene.expect.agreement.bound, first)
+    difference = np.nan
+    if first.attributes["outcome"] == second.attributes["outcome"] == "completed":
+        difference = cell_difference(first, second)
+    yield Claim(
+        scene.name,
+        (name, other_name),
+        f"{other_name} agrees with {name} at the end (relative L2 difference of cell averages)",
+        difference,
+        bound,
+        _command(scene, first, second),
+        _path(scene, name, "VTKHDF/CellData/a"),
+        note,
+    )
+
+
+def cell_difference(first: Run, second: Run) -> float:
+    """Relative L2 difference of the cell averages of two runs at their last frames, in `first`'s areas."""
+    areas = lagrange.areas(first.points[-1], first.cells)
+    difference = first.a_cells[-1] - second.a_cells[-1]
+    return float(np.sqrt(areas @ difference**2 / (areas @ first.a_cells[-1] ** 2)))

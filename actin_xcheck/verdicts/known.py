@@ -1,0 +1,105 @@
+"""What is known of a scene without running it: reference values, an exact solution, an exact mode."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.scene.expression import coordinates
+from actin_xcheck.scene.scene import Scene
+from actin_xcheck.theory import growth_rate
+
+PRINTED = 1e-9
+"""Reference values are printed to ten digits."""
+
+_RADIAL, _ANGULAR = 24, 96  # points of a spectral quadrature over the disk
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Values (k,) in the scene's frame, nan where not known; where they come from; their uncertainty."""
+
+    values: Array
+    origin: str
+    uncertainty: float
+
+
+def known(scene: Scene, quantity: str, t: float) -> Known | None:
+    """What is known of a quantity at an output time, or None.
+
+    Parameters
+    ----------
+    scene : what was run.
+    quantity : "area", "total_actin", "probe_a" (k,), "probe_x" (2 k,) or "growth_rate" (real part, and
+        frequency where there is one).
+    t : an output time.
+    """
+    if quantity == "growth_rate":
+        return _mode(scene)
+    if quantity == "area" and scene.physics.closure is Closure.IRROTATIONAL_WALL and not scene.motion:
+        return Known(np.array([np.pi]), "static disk", 0.0)
+    for at in scene.expect.reference.at if scene.expect.reference else ():
+        if at.time == t and (printed := getattr(at, quantity)) is not None:
+            return Known(np.ravel(np.asarray(printed, dtype=float)), "reference", PRINTED)
+    return _exact(scene, quantity, t)
+
+
+def rate_parts(rate: complex, oscillates: bool) -> Array:
+    """A growth rate as numbers: its real part, and its frequency where the mode oscillates."""
+    return np.array([rate.real, abs(rate.imag)] if oscillates else [rate.real])
+
+
+def _mode(scene: Scene) -> Known | None:
+    expected = scene.expect.growth_rate
+    if expected is None:
+        return None
+    rate = growth_rate(scene.physics, expected.m, expected.n)
+    return Known(rate_parts(rate, bool(rate.imag)), "exact mode", 0.0)
+
+
+def _exact(scene: Scene, quantity: str, t: float) -> Known | None:
+    """From `[expect.exact]`, where it is also known how the material points move."""
+    expected = scene.expect.exact
+    at_rest = scene.parameters.psi == scene.parameters.p == 0 and scene.initial.u is None
+    if expected is None or not (scene.motion or at_rest):
+        return None
+
+    def place(xi: Array) -> Array:
+        if scene.motion is None:
+            return xi
+        return np.array([formula(x0=xi[0], y0=xi[1], t=t) for formula in (scene.motion.x, scene.motion.y)])
+
+    def a(x: Array, xi: Array) -> Array:
+        return expected.a(**coordinates(x), x0=xi[0], y0=xi[1], t=t)
+
+    if quantity in ("area", "total_actin"):
+        xi, areas = _polar()
+        x = place(xi)
+        density = a(x, xi) if quantity == "total_actin" else np.ones(xi.shape[1:])
+        values = np.array([(areas * _jacobian(x) * density).sum()])
+    else:
+        xi = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
+        x = place(xi)
+        values = a(x, xi) if quantity == "probe_a" else x.T.ravel()
+    return Known(values, "exact solution", 0.0)
+
+
+def _polar() -> tuple[Array, Array]:
+    """Points (2, r, theta) of Gauss' rule along radii, equidistant in angle, and weights dr dtheta (r, 1)."""
+    nodes, weights = legendre.leggauss(_RADIAL)
+    r, theta = (1 + nodes) / 2, 2 * np.pi * np.arange(_ANGULAR) / _ANGULAR
+    points = r[:, None] * np.array([np.cos(theta), np.sin(theta)])[:, None]
+    return points, weights[:, None] / 2 * 2 * np.pi / _ANGULAR
+
+
+def _jacobian(x: Array) -> Array:
+    """det d(x, y)/d(r, theta) at the points of `_polar` whose images are x (2, r, theta)."""
+    nodes, _ = legendre.leggauss(_RADIAL)
+    vandermonde = legendre.legvander(nodes, _RADIAL - 1)
+    slopes = legendre.legvander(nodes, _RADIAL - 2) @ legendre.legder(np.eye(_RADIAL))
+    along_r = 2 * np.einsum("rs,dst->drt", slopes @ np.linalg.inv(vandermonde), x)
+    waves = 1j * np.arange(_ANGULAR // 2 + 1)
+    waves[-1] = 0  # the highest wave has no derivative on these points
+    around = np.fft.irfft(waves * np.fft.rfft(x, axis=2), _ANGULAR, axis=2)
+    return np.asarray(along_r[0] * around[1] - along_r[1] * around[0])

@@ -1,0 +1,369 @@
+"""Triangulation: two codes and, where a scene has one, a third corner; which of them is off, said in words.
+
+Every run has coarser companions, h doubled and dt ~ h^(order_h/order_dt), so that both parts of its error
+fall together; from them comes its uncertainty.  Two numbers agree where they are no further apart than the
+sum of their uncertainties.  At probes meshes are not similar: under a material point none is the coarser one
+refined, and pointwise the declared orders are not claimed.  Cell averages are left out: triangles of two
+levels are nested in topology only, and carrying one to the other would cost as much as what is measured.
+"""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Literal
+
+import h5py
+import numpy as np
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.model import Array
+from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.store import Run, changing, reading, state
+from actin_xcheck.scene.resolve import turn_matrix
+from actin_xcheck.scene.scene import Scene
+from actin_xcheck.theory import fit_growth
+from actin_xcheck.verdicts.known import Known, known, rate_parts
+from actin_xcheck.verdicts.uncertainty import uncertainty
+
+ROUND_OFF = {"growth_rate": 1e-8}
+"""Relative; 1e-12 of what is not named.  Modes have an amplitude of 1e-6 on a = 1."""
+
+QUANTITIES = ("area", "total_actin", "probe_a", "probe_x", "growth_rate")
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """A method's runs of a scene: as asked for, then its coarser companions as far as there are any."""
+
+    method: Method
+    runs: tuple[Run, ...]
+
+    @property
+    def family(self) -> str:
+        """What a reader calls the code."""
+        return self.method.family.upper()
+
+
+@dataclass(frozen=True)
+class Corner:
+    """One corner's number: its uncertainty (nan where there is none) and how that came about."""
+
+    name: str
+    value: float
+    uncertainty: float
+    how: str
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """One quantity of one scene by two methods, where and when its corners are furthest apart.
+
+    Attributes
+    ----------
+    scene, methods, quantity : what was compared, `methods` finite elements first.
+    words : the quantity, place and time for a reader.
+    corners : FEM, FV and, where it is known, theory; none where a run did not come to any output time.
+    ratio : largest distance of two corners over the sum of their uncertainties; nan without them.
+    sentence : the verdict.
+    """
+
+    scene: str
+    methods: tuple[str, str]
+    quantity: str
+    words: str
+    corners: tuple[Corner, ...]
+    ratio: float
+    sentence: str
+
+    @property
+    def key(self) -> str:
+        """A name of its own in a comparison's file."""
+        return "--".join((self.scene, *self.methods, self.quantity))
+
+    @property
+    def verdict(self) -> str:
+        """As of its claim."""
+        return self.claim("").verdict
+
+    @property
+    def apart(self) -> float:
+        """Distance between the codes' numbers."""
+        return abs(self.corners[0].value - self.corners[1].value) if self.corners else np.nan
+
+    def claim(self, command: str) -> Claim:
+        """The corners agree within the sum of their uncertainties; not judged where one of them has none."""
+        judged = bool(np.isfinite(self.ratio)) or not self.corners
+        how = "; ".join(f"{corner.name}: {corner.how}" for corner in self.corners)
+        measure = "largest distance over the sum of uncertainties" if judged else "the codes' difference"
+        return Claim(
+            self.scene,
+            self.methods,
+            f"{self.words}: {self.sentence}",
+            self.ratio if judged else self.apart,
+            1.0 if judged else np.nan,
+            command,
+            f"/triangles/{self.key}",
+            f"value: {measure}. {how}",
+        )
+
+
+def triangulate(scene: Scene, levels: Sequence[Levels]) -> list[Triangle]:
+    """Every quantity that two codes give, for every pair of methods of different codes."""
+    pairs = product(*([one for one in levels if one.method.family == name] for name in ("fem", "fv")))
+    return [triangle for fem, fv in pairs for triangle in _of_pair(scene, fem, fv)]
+
+
+def _of_pair(scene: Scene, fem: Levels, fv: Levels) -> Iterator[Triangle]:
+    both = fem.method.name, fv.method.name
+    times = [t for t in scene.output_times if all(_reaches(one.runs[0], t) for one in (fem, fv))]
+    missing = [_ending(one.runs[0]) for one in (fem, fv) if not _reaches(one.runs[0], scene.output_times[-1])]
+    ended = f" ({'; '.join(missing)})" if missing else ""
+    if not times:
+        sentence = f"no output time was reached by both{ended}"
+        yield Triangle(scene.name, both, "area", "nothing to compare", (), np.nan, sentence)
+        return
+    for quantity in QUANTITIES:
+        names = _names(scene, quantity)
+        at = [t for t in times if quantity != "growth_rate" or t == scene.output_times[-1]]
+        found = [
+            Triangle(
+                scene.name,
+                both,
+                quantity,
+                f"{names[i]} at t = {t:.4g}" if quantity != "growth_rate" else names[i],
+                corners,
+                *verdict(corners, ended),
+            )
+            for t in at
+            for i, corners in enumerate(_corners(scene, fem, fv, quantity, t) if names else ())
+        ]
+        if found:
+            yield max(found, key=_tells)
+
+
+def _tells(triangle: Triangle) -> tuple[bool, float, float]:
+    """How much it tells: first where a third corner can say which one is off, then the furthest apart."""
+    judged = bool(np.isfinite(triangle.ratio))
+    blames = triangle.ratio > 1 and len(triangle.corners) > 2
+    return blames, triangle.ratio if judged else -1.0, 0.0 if judged else triangle.apart
+
+
+def _names(scene: Scene, quantity: str) -> list[str]:
+    """What a reader calls the parts of a quantity; none where the scene does not have it."""
+    where = [f"({x:.4g}, {y:.4g})" for x, y in scene.probes.points]
+    match quantity:
+        case "probe_a":
+            return [f"a at the probe {place}" for place in where]
+        case "probe_x":
+            return [f"{axis} of the probe {place}" for place in where for axis in "xy"]
+        case "growth_rate":
+            mode = scene.expect.growth_rate
+            parts = ("growth rate", "frequency")
+            return [f"{part} of mode ({mode.m}, {mode.n})" for part in parts] if mode else []
+        case _:
+            return [quantity.replace("_", " ")]
+
+
+def _corners(scene: Scene, fem: Levels, fv: Levels, quantity: str, t: float) -> Iterator[tuple[Corner, ...]]:
+    """The corners of every part of a quantity."""
+    theory = known(scene, quantity, t)
+    codes = [(one.family, *_estimate(scene, one, quantity, t)) for one in (fem, fv)]
+    for i in range(len(codes[0][1])):
+        corners = [Corner(name, float(values[i]), spread, how) for name, values, spread, how in codes]
+        if theory is not None and np.isfinite(theory.values[i]):
+            corners.append(_third(theory, i))
+        yield tuple(corners)
+
+
+def _third(theory: Known, i: int) -> Corner:
+    how = "printed to ten digits" if theory.uncertainty else "no uncertainty"
+    return Corner(theory.origin, float(theory.values[i]), theory.uncertainty, how)
+
+
+# a code's number and its uncertainty
+
+
+def _estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str]:
+    """Values (k,) of the run as asked for, their one uncertainty, and how it came about."""
+    values: list[Array] = []
+    why = "it has no coarser run" if levels.method.order_h else "the method declares no order"
+    for run in levels.runs:
+        if not _reaches(run, t):
+            why = f"a coarser run ended early, {_ending(run)}"
+            break
+        found = _measure(scene, run, quantity, t)
+        if not np.isfinite(found).all():
+            why = "no exponentials fit the run" if not values else "none fit a coarser run"
+            break
+        values.append(found)
+    if len(values) < 2:
+        nothing = _measure(scene, levels.runs[0], quantity, t)
+        return nothing, np.nan, f"no uncertainty, for {why}"
+    ratio = _error_ratio(levels, t)
+    if ratio <= 1:
+        return values[0], np.nan, f"no uncertainty, for a coarser run makes no longer steps up to t = {t:.4g}"
+    similar = not quantity.startswith("probe")
+    floor = ROUND_OFF.get(quantity, 1e-12) * max(1.0, float(np.abs(values[0]).max()))
+    return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor)
+
+
+def _error_ratio(levels: Levels, t: float) -> float:
+    """What the error up to t grows by from the run to its companion, if it has the declared orders.
+
+    Steps land on output times, so that short intervals hold more of them than the companion's dt asks for.
+    """
+    method, (fine, coarse, *_) = levels.method, levels.runs
+    in_space = 2.0**method.order_h
+    if np.isfinite(fine.attributes["rtol"]):
+        return in_space
+    steps = [int((run.series["time"] <= t * (1 + 1e-9)).sum()) - 1 for run in (fine, coarse)]
+    return float(min(in_space, (steps[0] / steps[1]) ** method.order_dt))
+
+
+def _measure(scene: Scene, run: Run, quantity: str, t: float) -> Array:
+    """The quantity's values (k,) in the scene's frame."""
+    if quantity == "growth_rate":
+        return _rate(scene, run)
+    value = np.asarray(run.row_at(t)[quantity], dtype=float)
+    return np.ravel(value @ turn_matrix(scene) if quantity == "probe_x" else value)
+
+
+def _rate(scene: Scene, run: Run) -> Array:
+    """The fitted growth rate, and frequency where theory has one; nan where no exponentials fit."""
+    expected, theory = scene.expect.growth_rate, known(scene, "growth_rate", 0.0)
+    assert expected is not None
+    assert theory is not None
+    oscillates = len(theory.values) > 1
+    # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
+    exponentials: Literal[1, 2] = 1 if scene.initial.eigenmode and not oscillates else 2
+    try:
+        series = run.series
+        fit = fit_growth(series["time"], series["mode_amplitude"], expected.window, exponentials)
+    except ValueError:
+        return np.full(len(theory.values), np.nan)
+    return rate_parts(fit.rate, oscillates)
+
+
+def _reaches(run: Run, t: float) -> bool:
+    return bool(run.series["time"][-1] >= t * (1 - 1e-9))
+
+
+def _ending(run: Run) -> str:
+    stated, t = run.attributes, run.series["time"][-1]
+    return f"{stated['method_name']} at refine {stated['refine']} ended at t = {t:.4g}: {stated['outcome']}"
+
+
+# the verdict
+
+
+def verdict(corners: Sequence[Corner], ended: str = "") -> tuple[float, str]:
+    """The largest distance over the sum of uncertainties, and which corner is off, in words.
+
+    Parameters
+    ----------
+    corners : FEM, FV and perhaps a third.
+    ended : how a run ended before its time, where one did.
+    """
+    stated = ", ".join(_in_words(corner, corners) for corner in corners) + ended
+    fem, fv = corners[:2]
+    if unsure := [f"{corner.name} has {corner.how}" for corner in corners if np.isnan(corner.uncertainty)]:
+        return np.nan, f"{stated}: not judged, {' and '.join(unsure)}"
+    codes = _apart(fem, fv)
+    if len(corners) == 2:
+        if codes <= 1:
+            return codes, f"{stated}: the two agree; there is no theory here"
+        return codes, (
+            f"{stated}: they differ by {codes:.2g} times the sum of their uncertainties; there is no theory "
+            "here: one of them is off and this scene cannot say which"
+        )
+    third = corners[2]
+    off = [_apart(code, third) for code in (fem, fv)]
+    return max(codes, *off), f"{stated}: {_which(corners, codes, off)}"
+
+
+def _which(corners: Sequence[Corner], codes: float, off: Sequence[float]) -> str:
+    """Which of three corners is off, given the distances of the codes and of each to the third."""
+    third = f"the {corners[2].name}"
+    if max(codes, *off) <= 1:
+        return "all three agree"
+    if min(off) > 1 and codes <= 1:
+        return (
+            f"FEM and FV agree, both differ from {third}, by {_times(off[0])} and {_times(off[1])}: it does "
+            "not describe this scene, a fault is common to both (they share the force balance), or their "
+            "uncertainties are too small"
+        )
+    if min(off) > 1:
+        return (
+            f"no two corners agree: FEM is off {third} by {_times(off[0])}, FV by {_times(off[1])}, and they "
+            f"differ by {_times(codes)}"
+        )
+    if max(off) <= 1:
+        return f"each agrees with {third}, on either side of it"
+    good, bad = (corners[i].name for i in np.argsort(off))
+    if codes <= 1:
+        return (
+            f"FEM and FV agree, and {good} with {third}, which {bad} misses by {_times(max(off))}: "
+            f"{bad} is off, or its uncertainty is too small"
+        )
+    return f"{good} and {third} agree; {bad} is off by {_times(max(off))}: {bad} is the corner that is off"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} times the uncertainty"
+
+
+def _apart(one: Corner, other: Corner) -> float:
+    return abs(one.value - other.value) / (one.uncertainty + other.uncertainty)
+
+
+def _in_words(corner: Corner, corners: Sequence[Corner]) -> str:
+    """Name, value and uncertainty, as far as two digits of it go; theory two further than the codes."""
+    known_to = corner.uncertainty
+    if corner is not corners[0] and corner is not corners[1]:
+        known_to = 1e-2 * np.fmin(corners[0].uncertainty, corners[1].uncertainty)
+    digits = 6 if np.isnan(known_to) else min(max(1 - int(np.floor(np.log10(known_to))), 0), 10)
+    said = f"{corner.name} {round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
+    return f"{said} ± {corner.uncertainty:.{digits}f}" if 0.5 * 10**-digits < corner.uncertainty else said
+
+
+# files
+
+
+def attach(path: Path, triangles: Sequence[Triangle], companions: Mapping[str, Path]) -> None:
+    """Add to a stored comparison its triangles and links to the companion runs.
+
+    `/triangles/<key>` each, corners in the datasets `values` and `uncertainties`;
+    `/companions/<scene>/<method>/<times coarser>`, relative to the comparison.
+    """
+    with changing(path) as file:
+        stored = file.create_group("triangles", track_order=True)
+        for triangle in triangles:
+            group, corners = stored.create_group(triangle.key), triangle.corners
+            state(group, {name: getattr(triangle, name) for name in _STATED})
+            for name in ("name", "how"):
+                said = [getattr(corner, name) for corner in corners]
+                group.create_dataset(f"{name}s", data=said, dtype=h5py.string_dtype())
+            group["values"] = np.array([corner.value for corner in corners], dtype=float)
+            group["uncertainties"] = np.array([corner.uncertainty for corner in corners], dtype=float)
+        linked = file.create_group("companions", track_order=True)
+        for name, run in companions.items():
+            target = os.path.relpath(Path(run).resolve(), path.resolve().parent)
+            linked[name] = h5py.ExternalLink(target, "/")
+
+
+_STATED = ("scene", "methods", "quantity", "words", "ratio", "sentence")
+
+
+def read_triangles(path: Path) -> list[Triangle]:
+    """The triangles of a stored comparison; none in one without.  UserError where it is not whole."""
+    with reading(path, "comparison") as file:
+        return [_triangle(group) for group in file.get("triangles", {}).values()]
+
+
+def _triangle(group: h5py.Group) -> Triangle:
+    said = {name: group.attrs[name] for name in _STATED} | {"methods": tuple(group.attrs["methods"])}
+    columns = (group["names"].asstr()[()], group["values"][()], group["uncertainties"][()])
+    corners = zip(*columns, group["hows"].asstr()[()], strict=True)
+    return Triangle(corners=tuple(Corner(*corner) for corner in corners), **said)
