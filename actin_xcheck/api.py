@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 
 from actin_xcheck.cli.options import make_folder, report_folder
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_report
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.fidelity import Fidelity, reduced
@@ -20,6 +19,7 @@ from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies import compare as comparison
+from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.sweep.carry_out import carry_out, plan
 from actin_xcheck.studies.sweep.table import SweepTable
 from actin_xcheck.studies.sweep.task import Numerics
@@ -57,7 +57,7 @@ def run(
 
     Parameters
     ----------
-    scene : a shipped name, the path of a TOML file, or what `load_scene` of `actin_xcheck.scene.scene` returns.
+    scene : a shipped name, the path of a TOML file, or what `scene.scene.load_scene` returns.
     method : a name out of `actin_xcheck.runs.method.METHODS`.
     refine, dt : the mesh has 2**refine layers, steps are of at most dt; else as published, else 5 and 100
         steps.

@@ -175,9 +175,8 @@ class Lab:
         self.fresh = multiprocessing.get_context("spawn")
         self.warm = multiprocessing.get_context("forkserver")
         solvers = (*(method.solver for method in METHODS.values()), RADIAL, SECTOR, MODAL, HAND_OVER)
-        self.warm.set_forkserver_preload(
-            ["actin_xcheck.runs.run", *(target.split(":")[0] for target in solvers)]
-        )
+        modules = (target.split(":")[0] for target in solvers)
+        self.warm.set_forkserver_preload(["actin_xcheck.runs.run", *modules])
 
     def start(self, kind: Kind, path: Path, resume: bool) -> BaseProcess:
         """Start one."""

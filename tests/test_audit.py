@@ -15,10 +15,10 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Model, Rheology
 from actin_xcheck.core.observables import centroid
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.report import write_audit_page
 from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.method import FORCE_BALANCE, load
 from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME, Entry, read_audit, write_audit
 from actin_xcheck.studies.audit.row import Finding, Judgement
 from actin_xcheck.studies.audit.rows import ROWS

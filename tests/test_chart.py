@@ -16,7 +16,6 @@ from typer.testing import CliRunner
 from actin_xcheck.cli.app import app
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_chart_page
 from actin_xcheck.runs.alone import work_alone
 from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.method import METHODS
@@ -29,6 +28,7 @@ from actin_xcheck.studies.chart.advice import advice_of, in_words
 from actin_xcheck.studies.chart.cloud import cloud
 from actin_xcheck.studies.chart.front import advise, front
 from actin_xcheck.studies.chart.measure import measured
+from actin_xcheck.studies.chart.page import write_chart_page
 from actin_xcheck.studies.chart.points import Point, ladder, published
 from actin_xcheck.studies.chart.record import FILE_NAME, read_chart
 from actin_xcheck.studies.chart.truth import Quantity, errors_of, truth_of

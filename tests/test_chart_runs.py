@@ -7,14 +7,13 @@ import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.report import write_chart_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.chart import examine as examination
 from actin_xcheck.studies.chart import points as planning
 from actin_xcheck.studies.chart.advice import in_words
 from actin_xcheck.studies.chart.measure import measured
-from actin_xcheck.studies.chart.page import ENDINGS
+from actin_xcheck.studies.chart.page import ENDINGS, write_chart_page
 from actin_xcheck.studies.chart.points import Point
 from actin_xcheck.studies.chart.record import FILE_NAME, read_chart
 from actin_xcheck.studies.chart.truth import Quantity, Standing

@@ -11,7 +11,6 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.report import write_closures_page
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.closures import examine as examination
@@ -26,6 +25,7 @@ from actin_xcheck.studies.closures.findings import (
     reason,
 )
 from actin_xcheck.studies.closures.growth import Ripples, measure
+from actin_xcheck.studies.closures.page import write_closures_page
 from actin_xcheck.studies.closures.record import FILE_NAME, read_closures, write_closures
 from actin_xcheck.studies.closures.refinement import Course, Rim, follow
 from actin_xcheck.studies.closures.rims import distance, roughness

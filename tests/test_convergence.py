@@ -9,7 +9,6 @@ import typer
 
 from actin_xcheck.cli import converge
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_convergence_page
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibit_file import read_exhibit, write_exhibit
 from actin_xcheck.report.exhibits import Line, Plot
@@ -20,6 +19,7 @@ from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.compare import Job
 from actin_xcheck.studies.converge import examine as examination
 from actin_xcheck.studies.converge import studies as planning
+from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME, read_convergence, write_convergence
 from actin_xcheck.studies.converge.studies import Level, Refined, Truth, final, studies_of
 from actin_xcheck.verdicts import conditions

@@ -10,12 +10,13 @@ import pytest
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.carry_out import broken
+from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page
 from actin_xcheck.nightly.history.record import Kind, Night, Number, Series
 from actin_xcheck.nightly.nights import HISTORY, remember
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, NotRun, read_night
 from actin_xcheck.nightly.sparkline import lights, sparkline
-from actin_xcheck.report import write_dashboard, write_night_page, write_report
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
+from actin_xcheck.studies.compare_page import write_report
 from tests.chromium import Browser
 from tests.lab import FEM, FV
 from tests.test_report import SCRIPT, Tags, write_comparison_of_everything

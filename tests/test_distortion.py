@@ -7,7 +7,6 @@ import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk, signed_areas
-from actin_xcheck.report import write_distortion_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.runs.workers import in_turn
@@ -20,6 +19,7 @@ from actin_xcheck.studies.distort import examine as at_work
 from actin_xcheck.studies.distort import kept
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
 from actin_xcheck.studies.distort.examine import examine
+from actin_xcheck.studies.distort.page import write_distortion_page
 from actin_xcheck.studies.distort.record import FILE_NAME, read_distortion
 from fem.kernels import Rule
 from fem.space import Space

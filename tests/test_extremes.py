@@ -7,11 +7,11 @@ import pytest
 
 from actin_xcheck.cli.app import main
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.report import write_extremes_page
 from actin_xcheck.scene.scene import load_scene, scene_text
 from actin_xcheck.studies.extremes.approach import Approach, least_dilation
 from actin_xcheck.studies.extremes.attempt import attempt
 from actin_xcheck.studies.extremes.breakdown import agreement, breakdowns
+from actin_xcheck.studies.extremes.page import write_extremes_page
 from actin_xcheck.studies.extremes.plan import BREAKDOWNS, CARRIED, Level, Task, tasks
 from actin_xcheck.studies.extremes.record import FILE_NAME, read_extremes, write_extremes
 from fem.frames import Lattice

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck.report import write_report
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.report.player import STEPS, _Store, film_data
 from actin_xcheck.runs.store import Run, read_comparison
+from actin_xcheck.studies.compare_page import write_report
 from tests.chromium import Browser
 from tests.test_dashboard import CONTRAST, click, press
 from tests.test_report import SCRIPT, TIMES, write_comparison_of_everything

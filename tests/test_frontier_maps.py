@@ -12,7 +12,6 @@ import pytest
 
 from actin_xcheck.cli import frontier as survey
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_frontier_page
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
@@ -21,6 +20,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.frontier import examine as examination
 from actin_xcheck.studies.frontier.classes import Kind
 from actin_xcheck.studies.frontier.journal import Journal
+from actin_xcheck.studies.frontier.page import write_frontier_page
 from actin_xcheck.studies.frontier.planes import check, plane_of, point_of
 from actin_xcheck.studies.frontier.record import FILE_NAME, read_frontier, write_frontier
 from actin_xcheck.studies.frontier.words import shares, words_of

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.report import write_report
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Line, Plot, Sheet
 from actin_xcheck.runs.store import write_comparison
 from actin_xcheck.scene.expression import MAX_CALLS, Expression, coordinates
 from actin_xcheck.scene.scene import MAX_SIZE, Scene, load_scene, parse_scene
+from actin_xcheck.studies.compare_page import write_report
 from tests.hostile import MEGABYTES, campaign, summary
 from tests.hostile_inputs import DOCUMENTS, NAMES, SMALL, TAGS, formula
 from tests.processes import posix

@@ -19,10 +19,10 @@ from typer.testing import CliRunner
 from actin_xcheck.cli import predict
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.report import write_theory_page
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibit_file import read_exhibit, read_exhibits, write_exhibit, write_exhibits
 from actin_xcheck.report.exhibits import Chapter, Line, Picture, Plot, Regions, Sheet, Shot, Shots
+from actin_xcheck.studies.theory.page import write_theory_page
 from actin_xcheck.studies.theory.predictions import read_predictions, write_predictions
 from tests.test_cli import cli, one_line
 from tests.test_report import Tags

@@ -15,12 +15,12 @@ from actin_xcheck.core.contract import Frame
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk, signed_areas
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.report import write_report
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import RunWriter, read_run, write_comparison
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.compare_page import write_report
 from tests.chromium import Browser
 
 SCRIPT = "<script>console.error('injected')<"  # no slash: it is part of an HDF5 path

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from actin_xcheck.report import write_report
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
@@ -13,6 +12,7 @@ from actin_xcheck.runs.store import read_comparison, read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene, scene_text
 from actin_xcheck.studies import compare
 from actin_xcheck.studies.compare import Job, companions, jobs_of
+from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.known import known
 from actin_xcheck.verdicts.triangulate import Corner, Levels, read_triangles, triangulate, verdict

@@ -13,12 +13,13 @@ from matplotlib.figure import Figure
 
 import actin_xcheck
 from actin_xcheck.cli.chart import chart_command
-from actin_xcheck.report import write_frontier_page, write_report
 from actin_xcheck.report.svg import styled, svg
 from actin_xcheck.runs.store import read_comparison
 from actin_xcheck.studies.chart import examine as charting
 from actin_xcheck.studies.chart import points as planning
+from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.frontier import examine as frontier
+from actin_xcheck.studies.frontier.page import write_frontier_page
 from tests.chromium import Browser
 from tests.frontiers import FIG14, METHODS_SHOWN, in_process, shrink
 from tests.test_dashboard import click, press

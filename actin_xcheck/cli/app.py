@@ -26,29 +26,27 @@ from actin_xcheck.cli.render import export_command, render_command
 from actin_xcheck.cli.run import run_command
 from actin_xcheck.cli.sweep import sweep_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
+from actin_xcheck.nightly.dashboard import write_night_page
 from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
-from actin_xcheck.report import (
-    write_audit_page,
-    write_chart_page,
-    write_closures_page,
-    write_convergence_page,
-    write_distortion_page,
-    write_extremes_page,
-    write_faults_page,
-    write_frontier_page,
-    write_night_page,
-    write_report,
-    write_theory_page,
-)
 from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
+from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
+from actin_xcheck.studies.chart.page import write_chart_page
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
+from actin_xcheck.studies.closures.page import write_closures_page
 from actin_xcheck.studies.closures.record import FILE_NAME as CLOSURES_FILE
+from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
+from actin_xcheck.studies.distort.page import write_distortion_page
 from actin_xcheck.studies.distort.record import FILE_NAME as DISTORTION_FILE
+from actin_xcheck.studies.extremes.page import write_extremes_page
 from actin_xcheck.studies.extremes.record import FILE_NAME as EXTREMES_FILE
+from actin_xcheck.studies.faults.page import write_faults_page
 from actin_xcheck.studies.faults.record import FILE_NAME as FAULTS_FILE
+from actin_xcheck.studies.frontier.page import write_frontier_page
 from actin_xcheck.studies.frontier.record import FILE_NAME as FRONTIER_FILE
+from actin_xcheck.studies.theory.page import write_theory_page
 from actin_xcheck.studies.theory.predictions import FILE_NAME as PREDICTIONS_FILE
 
 app = typer.Typer(

@@ -8,11 +8,11 @@ import typer
 from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
-from actin_xcheck.report import write_chart_page
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.chart.advice import in_words
 from actin_xcheck.studies.chart.examine import default_methods, examine
+from actin_xcheck.studies.chart.page import write_chart_page
 
 
 def chart_command(

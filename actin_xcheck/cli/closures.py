@@ -9,10 +9,10 @@ from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_closures_page
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.studies.closures.examine import METHODS, examine, plan
 from actin_xcheck.studies.closures.findings import reason
+from actin_xcheck.studies.closures.page import write_closures_page
 
 
 def closures_command(

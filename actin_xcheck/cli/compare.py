@@ -22,10 +22,10 @@ from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
-from actin_xcheck.report import write_report
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
+from actin_xcheck.studies.compare_page import write_report
 
 
 def compare_command(

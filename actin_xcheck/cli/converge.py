@@ -11,10 +11,10 @@ from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_convergence_page
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.converge.examine import examine
+from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.studies import studies_of
 from actin_xcheck.verdicts.orders import Verdict
 

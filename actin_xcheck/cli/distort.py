@@ -9,11 +9,11 @@ from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_distortion_page
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.distort.cases import FAMILIES, check, families_of
 from actin_xcheck.studies.distort.examine import examine
+from actin_xcheck.studies.distort.page import write_distortion_page
 
 DEFAULT_STUDIES = {
     "smooth-fronts": ("perturbed", "stretched", "slivers"),

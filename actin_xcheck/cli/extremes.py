@@ -9,9 +9,9 @@ from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_extremes_page
 from actin_xcheck.studies.extremes.breakdown import agreement
 from actin_xcheck.studies.extremes.examine import examine
+from actin_xcheck.studies.extremes.page import write_extremes_page
 from actin_xcheck.studies.extremes.plan import tasks
 
 

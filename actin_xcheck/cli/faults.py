@@ -8,9 +8,9 @@ import typer
 from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
-from actin_xcheck.report import write_faults_page
 from actin_xcheck.studies.faults.catalogue import find_faults
 from actin_xcheck.studies.faults.hunt import hunt
+from actin_xcheck.studies.faults.page import write_faults_page
 from actin_xcheck.studies.faults.record import FILE_NAME, write_hunt
 
 

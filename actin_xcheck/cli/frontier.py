@@ -8,11 +8,11 @@ import typer
 from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
-from actin_xcheck.report import write_frontier_page
 from actin_xcheck.runs.executor import jobs_asked
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.frontier.examine import examine
+from actin_xcheck.studies.frontier.page import write_frontier_page
 from actin_xcheck.studies.frontier.planes import PLANES, check, plane_of
 
 DEFAULT_SCENE = "fig14-four-fronts"

@@ -21,7 +21,7 @@ from actin_xcheck.core.files import locked, replace_file
 from actin_xcheck.nightly.baseline import against
 from actin_xcheck.nightly.carry_out import Work, carry_out, work_through
 from actin_xcheck.nightly.checks import Checked, Item, control, night_long
-from actin_xcheck.nightly.dashboard import write_scene_pages
+from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
 from actin_xcheck.nightly.groups import group_of
 from actin_xcheck.nightly.history.database import find_night, read_claims, read_nights, read_numbers
 from actin_xcheck.nightly.junit import junit
@@ -37,7 +37,6 @@ from actin_xcheck.nightly.nights import (
 from actin_xcheck.nightly.plan import Plan, chosen, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, Kept, read_night
 from actin_xcheck.nightly.remote import carry_out_elsewhere
-from actin_xcheck.report import write_dashboard, write_night_page
 from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.store import provenance

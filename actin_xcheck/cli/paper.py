@@ -11,8 +11,8 @@ from actin_xcheck.cli.options import command, make_folder, report_folder
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report import write_audit_page
 from actin_xcheck.studies.audit.examine import examine
+from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME
 from actin_xcheck.studies.audit.row import Judgement
 from actin_xcheck.studies.audit.rows import ROWS

@@ -16,7 +16,7 @@ from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.report import write_theory_page
+from actin_xcheck.studies.theory.page import write_theory_page
 from actin_xcheck.studies.theory.predictions import FILE_NAME, compute, write_predictions
 from actin_xcheck.theory import DiskModes, lowest, threshold
 

@@ -38,7 +38,7 @@ from actin_xcheck.runs import vtkhdf
 SCHEMA = 1
 """Version of the layout under `/run` and of a comparison; a reader refuses any other."""
 
-Attributes = Mapping[str, str | int | float]
+Attributes = Mapping[str, str | int | float | tuple[str, ...]]
 
 RUN_ATTRIBUTES = (
     *("scene", "scene_name", "method", "method_name", "command"),

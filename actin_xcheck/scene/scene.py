@@ -35,7 +35,7 @@ from actin_xcheck.scene.tables import (
     mistake,
 )
 
-_SHIPPED = files("actin_xcheck") / "scenes"
+_SHIPPED = files("actin_xcheck.scene") / "shipped"
 _CONSTANT = (str(Delta.NONE), str(Delta.FULL))  # the linear theory takes delta constant
 _ONE_TABLE = "should be a table, one of [parameters] and [dimensional], not both"
 MAX_SIZE = 200_000

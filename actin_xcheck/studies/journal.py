@@ -1,0 +1,88 @@
+"""What a study has been answered, kept as it comes: a file of SQLite, each answer a small HDF5 image.
+
+Answers are found by what was asked and by a digest of the code that answers (`version.code`), so that a
+checkout with changes takes up its own answers and nobody else's.  A process that is killed loses what had not
+come in.
+"""
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, is_dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.records import read_record, write_record
+from actin_xcheck.runs.version import code
+
+FILE_NAME = "journal.sqlite"
+
+_TIMEOUT = 60.0
+"""Seconds to wait for another process that reads or writes the same file."""
+
+
+class Journal:
+    """The answers in one folder.
+
+    Parameters
+    ----------
+    folder : it exists.
+    study : whose answers these are; UserError where the folder has those of another one, or a file that is
+        none.
+    """
+
+    def __init__(self, folder: Path, study: str) -> None:
+        self.path = folder / FILE_NAME
+        with self._open() as rows:
+            rows.execute("CREATE TABLE IF NOT EXISTS study (name TEXT)")
+            rows.execute("CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, asked TEXT, image BLOB)")
+            found = rows.execute("SELECT name FROM study").fetchone()
+            if found is None:
+                rows.execute("INSERT INTO study VALUES (?)", (study,))
+            elif found[0] != study:
+                raise UserError(
+                    f"--out: {folder} is the folder of `{found[0]}`; valid: another one, or --force"
+                )
+
+    def keep(self, key: str, asked: str, answer: Any) -> None:
+        """Write an answer down."""
+        image = BytesIO()
+        with h5py.File(image, "w") as file:
+            write_record(file, answer)
+        with self._open() as rows:
+            rows.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", (key, asked, image.getvalue()))
+
+    def answer(self, key: str, kind: type) -> Any | None:
+        """Return the answer of class `kind` under a key; None where there is none."""
+        with self._open() as rows:
+            row = rows.execute("SELECT image FROM answers WHERE key = ?", (key,)).fetchone()
+        if row is None:
+            return None
+        with h5py.File(BytesIO(row[0])) as file:
+            return read_record(file, kind)
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        """A connection of this moment: nothing of the file is held while a study computes."""
+        try:
+            with closing(sqlite3.connect(self.path, timeout=_TIMEOUT)) as connection, connection:
+                yield connection
+        except sqlite3.Error as error:
+            raise UserError(f"{self.path}: not a journal that can be written ({error})") from error
+
+
+def key_of(work: Callable[..., Any], asked: str) -> str:
+    """The key of an answer: what is asked of which function of which code."""
+    text = json.dumps([work.__module__, work.__qualname__, asked, code()])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def stated(ask: Any) -> str:
+    """A question in JSON: a dataclass of plain values, or plain values."""
+    return json.dumps(asdict(ask) if is_dataclass(ask) and not isinstance(ask, type) else ask, sort_keys=True)

@@ -1,0 +1,176 @@
+"""What a study is, and how one is carried out.
+
+A study is a generator.  It yields tasks, is sent their answers in the same order, may ask again, and returns
+its report:
+
+    def ripples(scene) -> Study:
+        answers = yield [Task(measure, Case(scene.text, m), seconds=2.0) for m in range(2, 9)]
+        return Report("Ripples", "How fast ...", tables={"ripples": answers})
+
+Everything else is done here, once: answers that the same code has given before are taken up again, others
+come from this machine's cores or a cluster, the longest first, and are kept as they come; the report is
+written to `<name>.h5`, of which alone its page is made.
+"""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.report.exhibit_file import write_chapters
+from actin_xcheck.report.exhibits import Chapter
+from actin_xcheck.runs.executor import Executor, Lost
+from actin_xcheck.runs.records import write_table
+from actin_xcheck.runs.store import provenance, writing
+from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
+from actin_xcheck.studies.journal import Journal, key_of, stated
+
+Tell = Callable[[str, float, float], None]
+"""Told of a label, seconds of work that are over, and seconds in all, as they were expected."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something to be computed in a process of its own.
+
+    Attributes
+    ----------
+    work : a module's function of what is asked and of the study's folder; it is annotated with the dataclass
+        that it returns.
+    ask : what is asked: a frozen dataclass of plain values, or plain values.
+    seconds : that it is expected to take on one core.
+    files : what it leaves in the folder: without one of them its answer is not taken up again.
+    lost : makes what stands in for the answer, of what was asked and why, where every process ended under it;
+        without one the study cannot go on.
+    """
+
+    work: Callable[[Any, Path], Any]
+    ask: Any
+    seconds: float = 1.0
+    files: tuple[str, ...] = ()
+    lost: Callable[[Any, str], Any] | None = None
+
+    @property
+    def answer(self) -> type:
+        """The class of its answer."""
+        kind: type = get_type_hints(self.work)["return"]
+        return kind
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a study comes to.
+
+    Attributes
+    ----------
+    title, lead : what the page says first, and how it was found.
+    tables : rows of one dataclass each, by name.
+    claims : what is judged.
+    findings : sentences.
+    chapters : what is drawn.
+    """
+
+    title: str
+    lead: str
+    tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    claims: tuple[Claim, ...] = ()
+    findings: tuple[str, ...] = ()
+    chapters: tuple[Chapter, ...] = ()
+
+
+Study = Generator[Sequence[Task], list[Any], Report]
+
+
+def carry_out(name: str, study: Study, folder: Path, command: str, processes: Executor, tell: Tell) -> Report:
+    """Carry a study out in a folder that exists, write its report and return it.
+
+    Parameters
+    ----------
+    name : of the study; its file is `<name>.h5`.
+    command : what makes it again.
+    processes : what has processes for its tasks.
+    tell : see `Tell`.
+
+    Raises UserError where the folder has another study, and for tasks whose processes ended every time.
+    """
+    journal = Journal(folder, name)
+    report = answered(study, lambda tasks: _answers(tasks, journal, folder, processes, tell, name))
+    write_report(folder / f"{name}.h5", name, report, command)
+    return report
+
+
+def answered(study: Study, answers_to: Callable[[Sequence[Task]], list[Any]]) -> Report:
+    """Return a study's report, its tasks being answered by a function."""
+    tasks = next(study)
+    while True:
+        try:
+            tasks = study.send(answers_to(tasks))
+        except StopIteration as end:
+            report: Report = end.value
+            return report
+
+
+def write_report(path: Path, name: str, report: Report, command: str) -> None:
+    """Write a report, replacing `path` atomically.
+
+    A column is `/tables/<name>/<field>`, a claim a row of the columns `/claims/<field>`, an exhibit
+    `/exhibits/<chapter>/<key>`.
+    """
+    said = {"study": name, "command": command, "title": report.title, "lead": report.lead}
+    with writing(path, {**said, "findings": report.findings, **provenance()}) as file:
+        tables = file.create_group("tables", track_order=True)
+        for table, rows in report.tables.items():
+            write_table(tables.create_group(table, track_order=True), rows)
+        write_table(file.create_group("claims", track_order=True), report.claims)
+        write_chapters(file.create_group("exhibits", track_order=True), report.chapters)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A task on its way to a process."""
+
+    task: Task
+    folder: Path
+    code: str
+
+
+def _answers(
+    tasks: Sequence[Task], journal: Journal, folder: Path, processes: Executor, tell: Tell, label: str
+) -> list[Any]:
+    """The answers to a batch, each question asked once."""
+    wanted = {key_of(task.work, stated(task.ask)): task for task in tasks}
+    answers = {
+        key: journal.answer(key, task.answer)
+        for key, task in wanted.items()
+        if all((folder / file).exists() for file in task.files)
+    }
+    answers = {key: answer for key, answer in answers.items() if answer is not None}
+    open_ones = sorted((key for key in wanted if key not in answers), key=lambda key: -wanted[key].seconds)
+    whole, over, lost = sum(task.seconds for task in wanted.values()), 0.0, []
+    over = sum(wanted[key].seconds for key in answers)
+    tell(label, over, whole)
+    asked = [_Asked(wanted[key], folder, code()) for key in open_ones]
+    for number, answer in processes.results(_work, asked):
+        key = open_ones[number]
+        task = wanted[key]
+        if not isinstance(answer, Lost):
+            journal.keep(key, stated(task.ask), answer)
+            answers[key] = answer
+        elif task.lost:
+            answers[key] = task.lost(task.ask, answer.message)
+        else:
+            lost.append(f"{task.work.__name__} of {stated(task.ask)} ({answer.message})")
+        over += task.seconds
+        tell(label, over, whole)
+    if lost:
+        raise UserError(f"{label}: {len(lost)} lost; the same command goes on with them: {'; '.join(lost)}")
+    return [answers[key_of(task.work, stated(task.ask))] for task in tasks]
+
+
+def _work(asked: _Asked) -> Any:
+    """In a process: UserError where its code is not that of the one that asks."""
+    check_code(asked.code)
+    with ONE_AT_A_TIME:
+        return asked.task.work(asked.task.ask, asked.folder)

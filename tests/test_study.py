@@ -1,0 +1,173 @@
+"""How every study is carried out, on one that is small enough to be looked through."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.model import Array
+from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.runs.executor import Lost, executor
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
+from actin_xcheck.studies import journal
+from actin_xcheck.studies.study import Report, Task, answered, carry_out
+
+
+class Parity(StrEnum):
+    EVEN = "even"
+    ODD = "odd"
+
+
+@dataclass(frozen=True)
+class Square:
+    number: int
+    value: float
+    parity: Parity
+    powers: Array
+    words: tuple[str, ...]
+    root: float | None = None
+
+
+def square(number: int, folder: Path) -> Square:
+    with (folder / "made.txt").open("a") as made:
+        made.write(f"{number}\n")
+    root = None if number < 0 else number**0.5
+    return Square(number, number**2 / 3, Parity(Parity.ODD if number % 2 else Parity.EVEN),
+                  np.array([1.0, 2.0, 3.0]) ** number, ("as", "said"), root)  # fmt: skip
+
+
+def squares(numbers):
+    """Asks twice: the second time for what the first answers say."""
+    first = yield [Task(square, number, seconds=abs(number)) for number in numbers]
+    second = yield [Task(square, 100 + one.number) for one in first]
+    claim = Claim("none", (), "squares are positive", -min(one.value for one in first), 0.0, "", "/tables")
+    plot = Plot("plot", "Squares", "", "n", (Line("n", np.arange(2.0), np.arange(2.0)),))
+    chapters = (Chapter("all", "All", "", (plot,)),)
+    return Report("Squares", "By hand.", {"squares": [*first, *second]}, (claim,), ("they are",), chapters)
+
+
+def made(folder):
+    return [int(line) for line in (folder / "made.txt").read_text().split()]
+
+
+class InTurn:
+    """Has no processes: an executor in the shape of `runs.executor.Executor`."""
+
+    def __init__(self, after=None, lost=()):
+        self.after, self.lost = after, lost
+
+    def results(self, work, tasks):
+        for number, task in enumerate(tasks):
+            if self.after is not None and number == self.after:
+                raise KeyboardInterrupt
+            yield number, Lost("killed") if task.task.ask in self.lost else work(task)
+
+
+def carry(folder, study, processes=None, name="squares", tell=lambda label, over, whole: None):
+    return carry_out(name, study, folder, "python -m actin_xcheck squares", processes or InTurn(), tell)
+
+
+def test_a_study_is_driven_without_running_anything():
+    report = answered(squares([1, 2]), lambda tasks: [square_of(task.ask) for task in tasks])
+    assert [one.number for one in report.tables["squares"]] == [1, 2, 101, 102]
+
+
+def square_of(number):
+    return Square(number, number**2, Parity.ODD, np.zeros(1), ())
+
+
+def test_answers_come_in_the_order_asked_and_the_longest_are_begun_first(tmp_path):
+    report = carry(tmp_path, squares([2, 5, 3, 5]))
+    assert [one.number for one in report.tables["squares"]] == [2, 5, 3, 5, 102, 105, 103, 105]
+    assert made(tmp_path) == [5, 3, 2, 102, 105, 103]  # each once
+
+
+def test_what_was_interrupted_goes_on_and_comes_to_the_same(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        carry(tmp_path, squares([3, -2, 1]), InTurn(after=2))
+    resumed = carry(tmp_path, squares([3, -2, 1]))
+    assert made(tmp_path) == [3, -2, 1, 103, 98, 101]
+    (tmp_path / "whole").mkdir()
+    whole = carry(tmp_path / "whole", squares([3, -2, 1]))
+    for one, other in zip(resumed.tables["squares"], whole.tables["squares"], strict=True):
+        assert vars(one) | {"powers": None} == vars(other) | {"powers": None}
+        assert np.array_equal(one.powers, other.powers)
+        assert type(one.parity) is Parity
+
+
+def test_answers_of_other_code_are_not_taken_up(tmp_path, monkeypatch):
+    carry(tmp_path, squares([1]))
+    monkeypatch.setattr(journal, "code", lambda: "another digest")
+    carry(tmp_path, squares([1]))
+    assert made(tmp_path) == [1, 101, 1, 101]
+
+
+def test_an_answer_without_the_file_that_it_left_is_asked_for_again(tmp_path):
+    def study():
+        yield [Task(square, 7, files=("made.txt", "gone.txt"))]
+        return Report("", "")
+
+    carry(tmp_path, study())
+    carry(tmp_path, study())
+    (tmp_path / "gone.txt").touch()
+    carry(tmp_path, study())
+    assert made(tmp_path) == [7, 7]
+
+
+def test_the_folder_of_another_study_is_refused_and_left_as_it_is(tmp_path):
+    carry(tmp_path, squares([1]))
+    with pytest.raises(UserError, match="is the folder of `squares`; valid: another one, or --force"):
+        carry(tmp_path, squares([2]), name="cubes")
+    assert made(tmp_path) == [1, 101]
+
+
+def test_a_lost_task_is_named_and_the_others_are_kept(tmp_path):
+    with pytest.raises(UserError, match=r"squares: 1 lost; .*: square of 2 \(killed\)"):
+        carry(tmp_path, squares([1, 2, 3]), InTurn(lost=[2]))
+    carry(tmp_path, squares([1, 2, 3]))
+    assert made(tmp_path)[:3] == [3, 1, 2]
+
+
+def test_a_lost_task_with_a_stand_in_does_not_end_the_study_and_is_tried_again(tmp_path):
+    def study():
+        (one,) = yield [
+            Task(square, 4, lost=lambda ask, why: Square(ask, np.nan, Parity.EVEN, np.zeros(0), (why,)))
+        ]
+        return Report("", "", findings=one.words)
+
+    assert carry(tmp_path, study(), InTurn(lost=[4])).findings == ("killed",)
+    assert carry(tmp_path, study()).findings == ("as", "said")
+
+
+def test_progress_counts_expected_seconds_and_what_was_known(tmp_path):
+    told = []
+    carry(tmp_path, squares([1, 3]), tell=lambda *one: told.append(one))
+    assert told[:3] == [("squares", 0, 4), ("squares", 3, 4), ("squares", 4, 4)]
+    told.clear()
+    carry(tmp_path, squares([1, 3, 4]), tell=lambda *one: told.append(one))
+    assert told[:2] == [("squares", 4, 8), ("squares", 8, 8)]
+
+
+def test_the_file_holds_tables_claims_and_exhibits(tmp_path):
+    report = carry(tmp_path, squares([2, 3]))
+    with reading(tmp_path / "squares.h5", "report") as file:
+        rows = read_table(file["tables/squares"], Square)
+        claims = read_table(file["claims"], Claim)
+        assert file["exhibits/all/plot"].attrs["title"] == "Squares"
+        assert file.attrs["study"] == "squares"
+        assert list(file["tables/squares/value"][()]) == [one.value for one in report.tables["squares"]]
+    assert [vars(one) | {"powers": 0} for one in rows] == [
+        vars(one) | {"powers": 0} for one in report.tables["squares"]
+    ]
+    assert tuple(claims) == report.claims
+
+
+def test_processes_of_this_machine_answer_like_this_one(tmp_path):
+    with executor(2) as processes:
+        carry(tmp_path, squares([1, 2, 3]), processes)
+    assert sorted(made(tmp_path)) == [1, 2, 3, 101, 102, 103]
