@@ -15,7 +15,8 @@ from actin_xcheck.runs.executor import Lost, executor
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
-from actin_xcheck.studies.study import Report, Task, answered, carry_out
+from actin_xcheck.studies.page import study_file, write_page
+from actin_xcheck.studies.study import Report, Table, Task, answered, carry_out
 
 
 class Parity(StrEnum):
@@ -48,7 +49,14 @@ def squares(numbers):
     claim = Claim("none", (), "squares are positive", -min(one.value for one in first), 0.0, "", "/tables")
     plot = Plot("plot", "Squares", "", "n", (Line("n", np.arange(2.0), np.arange(2.0)),))
     chapters = (Chapter("all", "All", "", (plot,)),)
-    return Report("Squares", "By hand.", {"squares": [*first, *second]}, (claim,), ("they are",), chapters)
+    return Report(
+        "Squares",
+        "By hand.",
+        {"squares": Table("Squares", [*first, *second])},
+        (claim,),
+        ("they are",),
+        chapters,
+    )
 
 
 def made(folder):
@@ -74,7 +82,7 @@ def carry(folder, study, processes=None, name="squares", tell=lambda label, over
 
 def test_a_study_is_driven_without_running_anything():
     report = answered(squares([1, 2]), lambda tasks: [square_of(task.ask) for task in tasks])
-    assert [one.number for one in report.tables["squares"]] == [1, 2, 101, 102]
+    assert [one.number for one in report.tables["squares"].rows] == [1, 2, 101, 102]
 
 
 def square_of(number):
@@ -83,7 +91,7 @@ def square_of(number):
 
 def test_answers_come_in_the_order_asked_and_the_longest_are_begun_first(tmp_path):
     report = carry(tmp_path, squares([2, 5, 3, 5]))
-    assert [one.number for one in report.tables["squares"]] == [2, 5, 3, 5, 102, 105, 103, 105]
+    assert [one.number for one in report.tables["squares"].rows] == [2, 5, 3, 5, 102, 105, 103, 105]
     assert made(tmp_path) == [5, 3, 2, 102, 105, 103]  # each once
 
 
@@ -94,7 +102,7 @@ def test_what_was_interrupted_goes_on_and_comes_to_the_same(tmp_path):
     assert made(tmp_path) == [3, -2, 1, 103, 98, 101]
     (tmp_path / "whole").mkdir()
     whole = carry(tmp_path / "whole", squares([3, -2, 1]))
-    for one, other in zip(resumed.tables["squares"], whole.tables["squares"], strict=True):
+    for one, other in zip(resumed.tables["squares"].rows, whole.tables["squares"].rows, strict=True):
         assert vars(one) | {"powers": None} == vars(other) | {"powers": None}
         assert np.array_equal(one.powers, other.powers)
         assert type(one.parity) is Parity
@@ -160,9 +168,9 @@ def test_the_file_holds_tables_claims_and_exhibits(tmp_path):
         claims = read_table(file["claims"], Claim)
         assert file["exhibits/all/plot"].attrs["title"] == "Squares"
         assert file.attrs["study"] == "squares"
-        assert list(file["tables/squares/value"][()]) == [one.value for one in report.tables["squares"]]
+        assert list(file["tables/squares/value"][()]) == [one.value for one in report.tables["squares"].rows]
     assert [vars(one) | {"powers": 0} for one in rows] == [
-        vars(one) | {"powers": 0} for one in report.tables["squares"]
+        vars(one) | {"powers": 0} for one in report.tables["squares"].rows
     ]
     assert tuple(claims) == report.claims
 
@@ -171,3 +179,13 @@ def test_processes_of_this_machine_answer_like_this_one(tmp_path):
     with executor(2) as processes:
         carry(tmp_path, squares([1, 2, 3]), processes)
     assert sorted(made(tmp_path)) == [1, 2, 3, 101, 102, 103]
+
+
+def test_the_page_says_what_the_file_holds(tmp_path):
+    carry(tmp_path, squares([2, 3]))
+    page = write_page(study_file(tmp_path)).read_text()
+    assert '<span class="score">1 of 1</span> Squares' in page
+    for text in ("they are", "squares are positive", "/exhibits/all/plot", "By hand.", "squares</code>"):
+        assert text in page
+    assert "<td>odd</td>" in page
+    assert "1.3333" in page

@@ -5,7 +5,7 @@ its report:
 
     def ripples(scene) -> Study:
         answers = yield [Task(measure, Case(scene.text, m), seconds=2.0) for m in range(2, 9)]
-        return Report("Ripples", "How fast ...", tables={"ripples": answers})
+        return Report("Ripples", "How fast ...", {"ripples": Table("Ripples", answers)})
 
 Everything else is done here, once: answers that the same code has given before are taken up again, others
 come from this machine's cores or a cluster, the longest first, and are kept as they come; the report is
@@ -23,7 +23,7 @@ from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.executor import Executor, Lost
 from actin_xcheck.runs.records import write_table
-from actin_xcheck.runs.store import provenance, writing
+from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
 from actin_xcheck.studies.journal import Journal, key_of, stated
 
@@ -60,13 +60,24 @@ class Task:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Rows of one dataclass, with a title and a note; `shown` are the fields that a page shows, else all."""
+
+    title: str
+    rows: Sequence[Any]
+    note: str = ""
+    shown: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Report:
     """What a study comes to.
 
     Attributes
     ----------
-    title, lead : what the page says first, and how it was found.
-    tables : rows of one dataclass each, by name.
+    title, lead : what the page says first, and how it was found; where there are claims, how many of them
+        hold stands before the title.
+    tables : by name.
     claims : what is judged.
     findings : sentences.
     chapters : what is drawn.
@@ -74,7 +85,7 @@ class Report:
 
     title: str
     lead: str
-    tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
     claims: tuple[Claim, ...] = ()
     findings: tuple[str, ...] = ()
     chapters: tuple[Chapter, ...] = ()
@@ -121,8 +132,10 @@ def write_report(path: Path, name: str, report: Report, command: str) -> None:
     said = {"study": name, "command": command, "title": report.title, "lead": report.lead}
     with writing(path, {**said, "findings": report.findings, **provenance()}) as file:
         tables = file.create_group("tables", track_order=True)
-        for table, rows in report.tables.items():
-            write_table(tables.create_group(table, track_order=True), rows)
+        for key, table in report.tables.items():
+            group = tables.create_group(key, track_order=True)
+            state(group, {"title": table.title, "note": table.note, "shown": table.shown})
+            write_table(group, table.rows)
         write_table(file.create_group("claims", track_order=True), report.claims)
         write_chapters(file.create_group("exhibits", track_order=True), report.chapters)
 

@@ -1,0 +1,114 @@
+"""The page of a study, from its file alone: what it comes to, its claims, what it draws, its tables."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.report.draw import draw
+from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.exhibit_file import read_chapters
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
+
+_LONG = 40
+"""Letters from which a column is one of sentences."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table on a page: numbers stand to the right, commands are code, sentences get room."""
+
+    title: str
+    numeric: bool
+    code: bool
+    long: bool
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A table as a page shows it: every cell is text."""
+
+    name: str
+    title: str
+    note: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def write_page(path: Path) -> Path:
+    """Write `index.html` beside the file of a study and return its path.
+
+    UserError where the file is missing, not whole or something else.
+    """
+    path = Path(path)
+    with reading(path, "report of a study") as file:
+        said: dict[str, Any] = dict(file.attrs)
+        claims = read_table(file["claims"], Claim)
+        chapters = read_chapters(file["exhibits"])
+        tables = [_shown(name, group) for name, group in file["tables"].items()]
+    drawn = [
+        (
+            one,
+            [
+                draw(each, f"/exhibits/{one.key}/{each.key}", f"c{i}-{j}")
+                for j, each in enumerate(one.exhibits)
+            ],
+        )
+        for i, one in enumerate(chapters)
+    ]
+    html = environment(path.parent).get_template("study.html")
+    text = html.render(
+        name=said["study"],
+        title=said.pop("title"),
+        lead=said.pop("lead"),
+        findings=list(said.pop("findings")),
+        attributes=said,
+        claims=claims,
+        groups={scene: list(group) for scene, group in groupby(claims, lambda claim: claim.scene)},
+        chapters=drawn,
+        tables=tables,
+        file=path,
+    )
+    return put_page(path.parent, text)
+
+
+def study_file(folder: Path) -> Path:
+    """The file of the study that lies in a folder; UserError where there is none."""
+    for path in sorted(Path(folder).glob("*.h5")):
+        with h5py.File(path) as file:
+            if file.attrs.get("study") == path.stem:
+                return path
+    raise UserError(f"{folder}: no study lies there; valid: the folder of one")
+
+
+def _shown(name: str, group: h5py.Group) -> Shown:
+    """A table with the columns that its study wants to be seen, all without a choice."""
+    chosen: Sequence[str] = list(group.attrs["shown"]) or [
+        one for one in group if isinstance(group[one], h5py.Dataset)
+    ]
+    columns, cells = [], []
+    for field in chosen:
+        stored = group[field]
+        text = h5py.check_string_dtype(stored.dtype) is not None
+        values = stored.asstr()[()] if text else stored[()].tolist()
+        cells.append([_cell(value) for value in values])
+        code = field == "command"
+        long = text and not code and max(map(len, cells[-1]), default=0) > _LONG
+        columns.append(Column(field.replace("_", " "), not text, code, long))
+    title, note = str(group.attrs["title"]), str(group.attrs["note"])
+    return Shown(name, title, note, tuple(columns), tuple(zip(*cells, strict=True)))
+
+
+def _cell(value: Any) -> str:
+    """A value as text: five digits of a number, a dash where there is none."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "–" if value != value else f"{value:.5g}"
+    return str(value)
