@@ -1,31 +1,27 @@
 """Meshes made worse on purpose, what is exact on them all the same, and the report that charts the rest."""
 
-import json
-
 import numpy as np
 import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk, signed_areas
+from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
-from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.distortion import aspects, flattened, largest_angle, off_ring, perturbed, stretched
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.outline import Fit, read_mesh
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.distort import examine as at_work
-from actin_xcheck.studies.distort import kept
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
-from actin_xcheck.studies.distort.examine import examine
-from actin_xcheck.studies.distort.page import write_distortion_page
-from actin_xcheck.studies.distort.record import FILE_NAME, read_distortion
+from actin_xcheck.studies.distort.study import distort
+from actin_xcheck.studies.page import write_page
 from fem.kernels import Rule
 from fem.space import Space
 from fv.diamond import over_relaxed_split, vertex_interpolation
 from fv.mesh import Faces
 from tests.lab import error_against, film_of
+from tests.studies import carry
 
 WORST = {
     "perturbed": lambda refine: perturbed(disk(refine, 0.8), 0.5, 0.8, seed=refine),
@@ -146,44 +142,21 @@ def test_a_ring_off_the_sides_costs_p2_its_order():
     assert errors[0.3, 3] > 50 * errors[0, 3]
 
 
-def test_the_report_charts_its_runs_and_goes_on_where_it_was_interrupted(tmp_path, monkeypatch):
-    scene, methods = load_scene("static-decay"), [METHODS["fem-p1-imex2"]]
-    family = FAMILIES["slivers"]
-    monkeypatch.setattr(kept, "truth_of", _fewer(kept.truth_of))
-    monkeypatch.setattr(at_work, "provenance", lambda: {"commit": "clean"})
-    with in_turn():
-        sentences = examine([(scene, [family])], methods, tmp_path, "distort static-decay")
-        monkeypatch.setattr(kept, "answer_of", None)  # nothing is run again
-        assert examine([(scene, [family])], methods, tmp_path, "distort static-decay") == sentences
-    stored = read_distortion(tmp_path / FILE_NAME)
-    assert len(stored.rows) == 2 * len(family.severities)
-    assert {row.ending for row in stored.rows} == {"completed"}
-    assert max(row.residual for row in stored.rows) < 1e-13
-    assert all(row.a_error > 0 for row in stored.rows)
-    assert "all methods hold" in sentences[0]
-    page = write_distortion_page(tmp_path).read_text()
-    assert sentences[0].split(":")[0] in page
+def test_the_report_charts_its_runs_and_keeps_their_meshes(tmp_path):
+    scene, methods, family = load_scene("static-decay"), [METHODS["fem-p1-imex2"]], FAMILIES["slivers"]
+    report = carry(tmp_path, distort([(scene, [family])], methods, LEVELS[1:3]), name="distort")
+    rows = report.tables["runs"].rows
+    assert len(rows) == 2 * len(family.severities)
+    assert {row.ending for row in rows} == {"completed"}
+    assert max(row.residual for row in rows) < 1e-13
+    assert all(row.a_error > 0 for row in rows)
+    assert "all methods hold" in report.findings[0]
+    page = write_page(tmp_path / "distort.h5").read_text()
+    assert report.findings[0].split(":")[0] in page
     assert "/exhibits/static-decay--slivers/a-error" in page
     case = cases_of(scene, methods[0], family, 1000.0)[0]
-    mesh = read_mesh(tmp_path / "meshes" / scene.name / f"{case.mesh_name}.vtu")
+    mesh = read_mesh(tmp_path / case.mesh_file)
     assert np.array_equal(mesh.xi, case.mesh(scene.parameters.l0).xi)
-    found = json.loads(next((tmp_path / "runs").iterdir()).read_text())
-    assert found
-
-
-def _fewer(truth_of):
-    """A truth on coarser levels, for the sake of time."""
-    from actin_xcheck.runs.accuracy import LEVELS
-    from actin_xcheck.studies.distort import measure
-
-    def coarse(text):
-        levels, measure.TRUTH_LEVELS = measure.TRUTH_LEVELS, LEVELS[1:3]
-        try:
-            return truth_of(text)
-        finally:
-            measure.TRUTH_LEVELS = levels
-
-    return coarse
 
 
 def test_what_cannot_be_distorted_is_refused():

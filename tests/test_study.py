@@ -11,12 +11,13 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
-from actin_xcheck.runs.executor import Lost, executor
+from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies.page import study_file, write_page
-from actin_xcheck.studies.study import Report, Table, Task, answered, carry_out
+from actin_xcheck.studies.study import Report, Table, Task, answered
+from tests.studies import InTurn, carry
 
 
 class Parity(StrEnum):
@@ -61,23 +62,6 @@ def squares(numbers):
 
 def made(folder):
     return [int(line) for line in (folder / "made.txt").read_text().split()]
-
-
-class InTurn:
-    """Has no processes: an executor in the shape of `runs.executor.Executor`."""
-
-    def __init__(self, after=None, lost=()):
-        self.after, self.lost = after, lost
-
-    def results(self, work, tasks):
-        for number, task in enumerate(tasks):
-            if self.after is not None and number == self.after:
-                raise KeyboardInterrupt
-            yield number, Lost("killed") if task.task.ask in self.lost else work(task)
-
-
-def carry(folder, study, processes=None, name="squares", tell=lambda label, over, whole: None):
-    return carry_out(name, study, folder, "python -m actin_xcheck squares", processes or InTurn(), tell)
 
 
 def test_a_study_is_driven_without_running_anything():

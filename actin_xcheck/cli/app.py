@@ -9,12 +9,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from actin_xcheck.cli import predict
+from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.closures import closures_command
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
-from actin_xcheck.cli.distort import distort_command
 from actin_xcheck.cli.extremes import extremes_command
 from actin_xcheck.cli.faults import faults_command
 from actin_xcheck.cli.frontier import frontier_command
@@ -38,14 +37,13 @@ from actin_xcheck.studies.closures.record import FILE_NAME as CLOSURES_FILE
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.studies.distort.page import write_distortion_page
-from actin_xcheck.studies.distort.record import FILE_NAME as DISTORTION_FILE
 from actin_xcheck.studies.extremes.page import write_extremes_page
 from actin_xcheck.studies.extremes.record import FILE_NAME as EXTREMES_FILE
 from actin_xcheck.studies.faults.page import write_faults_page
 from actin_xcheck.studies.faults.record import FILE_NAME as FAULTS_FILE
 from actin_xcheck.studies.frontier.page import write_frontier_page
 from actin_xcheck.studies.frontier.record import FILE_NAME as FRONTIER_FILE
+from actin_xcheck.studies.page import study_file, write_page
 from actin_xcheck.studies.theory.page import write_theory_page
 from actin_xcheck.studies.theory.predictions import FILE_NAME as PREDICTIONS_FILE
 
@@ -69,7 +67,7 @@ app.command("render")(render_command)
 app.command("export")(export_command)
 app.command("frontier")(frontier_command)
 app.command("closures")(closures_command)
-app.command("distort")(distort_command)
+app.command("distort")(studies.distort)
 app.command("faults")(faults_command)
 app.command("extremes")(extremes_command)
 app.command("history")(history_command)
@@ -105,7 +103,6 @@ def report_command(folder: Path, json: Json = False) -> None:
         CHART_FILE: write_chart_page,
         CLOSURES_FILE: write_closures_page,
         CONVERGENCE_FILE: write_convergence_page,
-        DISTORTION_FILE: write_distortion_page,
         EXTREMES_FILE: write_extremes_page,
         FAULTS_FILE: write_faults_page,
         FRONTIER_FILE: write_frontier_page,
@@ -115,7 +112,8 @@ def report_command(folder: Path, json: Json = False) -> None:
     write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
     try:
         with np.errstate(all="ignore"):
-            page = write(folder)
+            file = study_file(folder)
+            page = write_page(file) if file else write(folder)
     except (UserError, OSError):
         raise
     except Exception as error:  # its files may hold anything

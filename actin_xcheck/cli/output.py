@@ -54,10 +54,7 @@ class RunAnswer(Answer):
 class ReportAnswer(Answer):
     """Commands that write a report."""
 
-    command: Literal[
-        "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
-        "predict report", "report",
-    ]  # fmt: skip
+    command: str
     page: str
     verdicts: dict[str, int] = {}
     """How many of what was judged came out how; empty where nothing is judged."""

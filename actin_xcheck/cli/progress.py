@@ -39,7 +39,7 @@ class Progress:
     ) -> None:
         self.bars.stop()
 
-    def report(self, label: str, done: int, total: int) -> None:
+    def report(self, label: str, done: float, total: float) -> None:
         """Parts done of parts in all for the work called `label`."""
         if self.bars.disable:
             self._line(label, done, total)
@@ -48,7 +48,7 @@ class Progress:
             self.tasks[label] = self.bars.add_task(label, total=total)
         self.bars.update(self.tasks[label], completed=done)
 
-    def _line(self, label: str, done: int, total: int) -> None:
+    def _line(self, label: str, done: float, total: float) -> None:
         now = time.monotonic()
         began = self.began.setdefault(label, now)
         if self.quiet or (done < total and now - self.said.setdefault(label, now) < SECONDS_BETWEEN_LINES):

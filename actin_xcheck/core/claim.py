@@ -40,6 +40,12 @@ class Claim:
         return math.isfinite(self.value) and self.value <= self.bound
 
     @property
+    def sentence(self) -> str:
+        """The claim with what it is about, its number and its bound, in a line."""
+        about = f"{self.scene} [{', '.join(self.methods)}]: {self.statement}"
+        return f"{about}: {self.value:.3g} > {self.bound:.3g} ({self.note})"
+
+    @property
     def verdict(self) -> str:
         """ "PASS" where the claim holds, "FAIL" where it does not, "NOT JUDGED" without a bound."""
         if not self.judged:

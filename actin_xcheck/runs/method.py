@@ -4,7 +4,7 @@ Those of installed packages are found by their entry points, looked up when a na
 and imported when it is theirs.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -162,6 +162,11 @@ def find_method(name: str) -> Method:
         others = sorted({one.name for one in entry_points(group=ENTRY_POINTS)} - METHODS.keys())
         raise UserError(f"--method: {name!r} is not a method; valid: {', '.join([*METHODS, *others])}")
     return METHODS[name]
+
+
+def find_methods(names: Iterable[str]) -> list[Method]:
+    """Return the methods of these names, each once; UserError as `find_method`."""
+    return [find_method(name) for name in dict.fromkeys(names)]
 
 
 def _entry_points(name: str) -> list[EntryPoint]:

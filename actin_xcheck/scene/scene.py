@@ -251,6 +251,15 @@ def load_scene(name_or_path: str | Path) -> Scene:
     return parse_scene(*_read(name_or_path))
 
 
+def load_scenes(names_or_paths: Iterable[str | Path]) -> list[Scene]:
+    """Return several scenes, each asked for once; UserError where two of them have one name too."""
+    scenes = [load_scene(one) for one in dict.fromkeys(names_or_paths)]
+    names = [scene.name for scene in scenes]
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        raise UserError(f"more than one scene is named {', '.join(repeated)}; valid: names that differ")
+    return scenes
+
+
 def scene_text(name_or_path: str | Path) -> str:
     """Return the TOML of a shipped scene or of a file, unchecked; raises UserError if there is none."""
     return _read(name_or_path)[0]

@@ -9,12 +9,12 @@ from typing import Any
 import h5py
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibit_file import read_chapters
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
+from actin_xcheck.studies.journal import study_of
 
 _LONG = 40
 """Letters from which a column is one of sentences."""
@@ -78,13 +78,10 @@ def write_page(path: Path) -> Path:
     return put_page(path.parent, text)
 
 
-def study_file(folder: Path) -> Path:
-    """The file of the study that lies in a folder; UserError where there is none."""
-    for path in sorted(Path(folder).glob("*.h5")):
-        with h5py.File(path) as file:
-            if file.attrs.get("study") == path.stem:
-                return path
-    raise UserError(f"{folder}: no study lies there; valid: the folder of one")
+def study_file(folder: Path) -> Path | None:
+    """The file of the study whose answers lie in a folder; None where there is no study or no file of it."""
+    name = study_of(folder)
+    return folder / f"{name}.h5" if name and (folder / f"{name}.h5").exists() else None
 
 
 def _shown(name: str, group: h5py.Group) -> Shown:

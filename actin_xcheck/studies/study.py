@@ -25,7 +25,7 @@ from actin_xcheck.runs.executor import Executor, Lost
 from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
-from actin_xcheck.studies.journal import Journal, key_of, stated
+from actin_xcheck.studies.journal import FILE_NAME, Journal, key_of, stated
 
 Tell = Callable[[str, float, float], None]
 """Told of a label, seconds of work that are over, and seconds in all, as they were expected."""
@@ -110,6 +110,12 @@ def carry_out(name: str, study: Study, folder: Path, command: str, processes: Ex
     report = answered(study, lambda tasks: _answers(tasks, journal, folder, processes, tell, name))
     write_report(folder / f"{name}.h5", name, report, command)
     return report
+
+
+def begin_anew(folder: Path) -> None:
+    """Remove what says which study a folder is of, and its answers."""
+    for file in (folder / FILE_NAME, *folder.glob("*.h5")):
+        file.unlink(missing_ok=True)
 
 
 def answered(study: Study, answers_to: Callable[[Sequence[Task]], list[Any]]) -> Report:

@@ -1,13 +1,14 @@
 """What is run: scenes and methods on distorted meshes, step by step worse, each on two mesh widths."""
 
 import shlex
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Delta
-from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.scene.distortion import flattened, off_ring, perturbed, stretched, without_layers
 from actin_xcheck.scene.scene import Scene
 
@@ -120,9 +121,18 @@ class Case:
     steps: int
 
     @property
-    def mesh_name(self) -> str:
-        """A name for its mesh's file, without the suffix."""
-        return f"{self.family}-{self.severity:g}-refine-{self.refine}"
+    def mesh_file(self) -> str:
+        """Where its mesh lies in the report's folder: two scenes may have rings of other radii."""
+        name = tomllib.loads(self.scene)["name"]
+        return f"meshes/{name}/{self.family}-{self.severity:g}-refine-{self.refine}.vtu"
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes."""
+        method = METHODS[self.method]
+        stages = 1 + 2.5 * (method.order_dt - 1)
+        per_step = 4.0**self.refine * stages * method.space**2 * (1 if method.family == "fem" else 2)
+        return 2e-5 * self.steps * per_step
 
     def mesh(self, l0: float) -> Mesh:
         """Make its mesh."""
@@ -133,7 +143,7 @@ class Case:
     def command(self, scene: Scene) -> str:
         """The command that makes the run again, in the report's folder."""
         words = ["run", scene.origin, "--method", self.method, "--dt", repr(scene.time.end / self.steps)]
-        words += ["--mesh", f"meshes/{scene.name}/{self.mesh_name}.vtu", "--out", "run.vtkhdf"]
+        words += ["--mesh", self.mesh_file, "--out", "run.vtkhdf"]
         return "python -m actin_xcheck " + shlex.join(words)
 
 

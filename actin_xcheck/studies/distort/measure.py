@@ -2,23 +2,42 @@
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from actin_xcheck.core.contract import Solver, State
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
-from actin_xcheck.runs.accuracy import LEVELS
+from actin_xcheck.runs.accuracy import Level
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.distortion import aspects, largest_angle
+from actin_xcheck.scene.outline import write_mesh
 from actin_xcheck.scene.resolve import mesh_of, resolve
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.distort.cases import Case
 
-TRUTH_LEVELS = LEVELS[3:5]
-"""Levels of the converged runs, on the disk's own mesh; the second is believed, their change says how far."""
+
+@dataclass(frozen=True)
+class Converged:
+    """A run on the disk's own mesh that others are held against: a scene (TOML) and the level."""
+
+    scene: str
+    method: str
+    refine: int
+    rtol: float
+
+    @classmethod
+    def at(cls, scene: Scene, level: Level) -> "Converged":
+        """A scene's run on a level."""
+        return cls(scene.text, level.method.name, level.refine, level.rtol)
+
+    @property
+    def words(self) -> str:
+        """The level for a reader."""
+        return f"{self.method}, refine {self.refine}, rtol {self.rtol:g}"
 
 
 @dataclass(frozen=True)
@@ -53,15 +72,6 @@ class Answer:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Truth:
-    """A converged answer and how far it may be off: area and concentrations, relative."""
-
-    answer: Answer
-    level: str
-    uncertainty: float
-
-
 class _Watch:
     """Keeps the last state, the largest balance residual and the number of steps."""
 
@@ -78,24 +88,20 @@ class _Watch:
         """Output times mean nothing here."""
 
 
-def answer_of(case: Case) -> Answer:
-    """Run a case in equal steps."""
+def answer_of(case: Case, folder: Path) -> Answer:
+    """Run a case in equal steps, and leave its mesh, which the case's command names."""
     scene, method = parse_scene(case.scene, "a scene"), METHODS[case.method]
-    solver = solver_for(resolve(scene), method, case.mesh(scene.parameters.l0))
-    return _answer(scene, solver, scene.time.end / case.steps, None)
+    mesh, file = case.mesh(scene.parameters.l0), folder / case.mesh_file
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_mesh(file, mesh)
+    return _answer(scene, solver_for(resolve(scene), method, mesh), scene.time.end / case.steps, None)
 
 
-def truth_of(text: str) -> Truth:
-    """Run a scene (TOML) with the best finite elements until it is converged."""
-    scene, answers = parse_scene(text, "a scene"), []
-    for level in TRUTH_LEVELS:
-        solver = solver_for(resolve(scene), level.method, mesh_of(scene, level.refine))
-        answers.append(_answer(scene, solver, scene.time.end, Tolerance(level.rtol, level.method.order_dt)))
-    coarse, fine = answers
-    level = TRUTH_LEVELS[1]
-    words = f"{level.method.name}, refine {level.refine}, rtol {level.rtol:g}"
-    change = max(abs(coarse.area / fine.area - 1), float(np.abs(np.subtract(coarse.a, fine.a)).max()))
-    return Truth(fine, words, level.share * change)
+def converged(asked: Converged, folder: Path) -> Answer:
+    """Run a scene with steps chosen by their error."""
+    scene, method = parse_scene(asked.scene, "a scene"), METHODS[asked.method]
+    solver = solver_for(resolve(scene), method, mesh_of(scene, asked.refine))
+    return _answer(scene, solver, scene.time.end, Tolerance(asked.rtol, method.order_dt))
 
 
 def cloud(l0: float) -> Array:
@@ -116,17 +122,17 @@ def _answer(scene: Scene, solver: Solver, dt: float, tolerance: Tolerance | None
         area = solver.measure(watch.state).area
     mesh = solver.mesh
     return Answer(
-        str(outcome.ending),
-        outcome.message,
-        area,
-        tuple(a.tolist()),
-        watch.residual,
-        mesh.triangles.shape[1],
-        float(aspects(mesh.xi, mesh.triangles).max()),
-        largest_angle(mesh.xi, mesh.triangles),
-        WORK[SOLVES],
-        WORK[FACTORISATIONS],
-        WORK[ITERATIONS],
-        watch.steps,
-        time.perf_counter() - began,
+        ending=str(outcome.ending),
+        message=outcome.message,
+        area=area,
+        a=tuple(a.tolist()),
+        residual=watch.residual,
+        cells=mesh.triangles.shape[1],
+        aspect=float(aspects(mesh.xi, mesh.triangles).max()),
+        angle=largest_angle(mesh.xi, mesh.triangles),
+        solves=WORK[SOLVES],
+        factorisations=WORK[FACTORISATIONS],
+        iterations=WORK[ITERATIONS],
+        steps=watch.steps,
+        seconds=time.perf_counter() - began,
     )

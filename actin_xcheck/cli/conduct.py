@@ -1,0 +1,99 @@
+"""How every study is commanded: one set of options, one rule for folders, one way to say what came out."""
+
+import inspect
+import webbrowser
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from actin_xcheck.cli.options import Force, Quiet, command, make_folder, report_folder
+from actin_xcheck.cli.output import Json, ReportAnswer, conclude
+from actin_xcheck.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from actin_xcheck.studies.study import Report, Study
+
+Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", show_default=False)]
+Methods = Annotated[list[str] | None, typer.Option("--method", help="May be given more than once.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Folder for the results; goes on with what lies there.")
+]
+Jobs = Annotated[
+    int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, show_default=False)
+]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Address of a dask.distributed scheduler whose workers are to be used.")
+]
+Open = Annotated[bool, typer.Option("--open", help="Open the page in a browser.")]
+
+
+def study_command(name: str) -> Callable[[Callable[..., "Study"]], Callable[..., None]]:
+    """Make a command of a function that returns a study: its own parameters, then those of all studies."""
+
+    def decorate(asked_for: Callable[..., "Study"]) -> Callable[..., None]:
+        def commanded(
+            out_dir: Out = None,
+            force: Force = False,
+            jobs: Jobs = None,
+            scheduler: Scheduler = None,
+            open_page: Open = False,
+            quiet: Quiet = False,
+            json: Json = False,
+            **asked: Any,
+        ) -> None:
+            folder = report_folder(out_dir, name)
+            report, page = carry_out(name, asked_for(**asked), folder, force, jobs, scheduler, quiet)
+            if open_page:
+                webbrowser.open(page.resolve().as_uri())
+            _say(name, report, page, json)
+
+        own, common = inspect.signature(asked_for).parameters, inspect.signature(commanded).parameters
+        shared = [one for one in common.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+        parameters = [*own.values(), *shared]
+        commanded.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        commanded.__annotations__ = {one.name: one.annotation for one in parameters}
+        commanded.__name__, commanded.__doc__ = asked_for.__name__, asked_for.__doc__
+        return commanded
+
+    return decorate
+
+
+def carry_out(
+    name: str,
+    study: "Study",
+    folder: Path,
+    force: bool,
+    jobs: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> tuple["Report", Path]:
+    """Carry a study out in a folder and return its report and its page; with `force`, begin anew."""
+    from actin_xcheck.core.files import locked
+    from actin_xcheck.runs.executor import executor, jobs_asked
+    from actin_xcheck.studies import study as studies
+    from actin_xcheck.studies.page import write_page
+
+    processes_wanted = jobs_asked(jobs, scheduler)
+    file = make_folder(folder) / f"{name}.h5"
+    with locked(file), Progress(quiet) as progress:
+        if force:
+            studies.begin_anew(folder)
+        (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
+        with executor(processes_wanted, scheduler) as processes:
+            report = studies.carry_out(name, study, folder, command(), processes, progress.report)
+        return report, write_page(file)
+
+
+def _say(name: str, report: "Report", page: Path, json: bool) -> None:
+    """Say what a study came to; exit code 1 where a claim fails."""
+    judged = [claim for claim in report.claims if claim.judged]
+    failed = [claim for claim in judged if not claim.holds]
+    said = [f"FAIL {claim.sentence}" for claim in failed]
+    verdicts = dict(Counter(claim.verdict for claim in report.claims))
+    answer = ReportAnswer(command=name, page=str(page), verdicts=verdicts, findings=(*said, *report.findings))
+    score = f"{len(judged) - len(failed)} of {len(judged)} " if judged else ""
+    conclude(answer, f"{score}{report.title}", json)
+    raise typer.Exit(1 if failed else 0)
