@@ -1,6 +1,7 @@
 """The study of extremes: when 1 + div u reaches zero, how twins part, and what is stored and said of it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,17 +12,14 @@ from actin_xcheck.scene.scene import load_scene, scene_text
 from actin_xcheck.studies.extremes.approach import Approach, least_dilation
 from actin_xcheck.studies.extremes.attempt import attempt
 from actin_xcheck.studies.extremes.breakdown import agreement, breakdowns
-from actin_xcheck.studies.extremes.page import write_extremes_page
-from actin_xcheck.studies.extremes.plan import BREAKDOWNS, CARRIED, Level, Task, tasks
-from actin_xcheck.studies.extremes.record import FILE_NAME, read_extremes, write_extremes
+from actin_xcheck.studies.extremes.plan import BREAKDOWNS, CARRIED, Level, Trial, trials
+from actin_xcheck.studies.extremes.study import extremes
+from actin_xcheck.studies.page import write_page
+from actin_xcheck.studies.study import answered, write_report
 from fem.frames import Lattice
 from fem.space import Space
 
 STRONG = "fig18-nonuniform-contraction-viscoelastic"
-
-
-def quiet(label: str, done: int, total: int) -> None:
-    pass
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +29,7 @@ def ladder():
         Level("fem-p3-imex4", r, 1e-6) for r in (2, 3)
     ]
     levels.append(Level("fem-p3-imex4", 2, 1e-5))
-    return [attempt(Task(STRONG, level), quiet) for level in levels]
+    return [attempt(Trial(STRONG, level), Path()) for level in levels]
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -90,8 +88,8 @@ def test_twins_part_no_faster_than_linear_theory_allows(tmp_path):
     text = scene_text("sec54-failure").replace("end = 0.0722", "end = 0.0005")
     text = text.replace("outputs = [1.2046e-3, 3.6137e-3, 0.0722]", "")
     (tmp_path / "short.toml").write_text(text)
-    task = Task(str(tmp_path / "short.toml"), Level("fem-p2-imex3", 2, 1e-4), epsilon=1e-10)
-    one, again = attempt(task, quiet), attempt(task, quiet)
+    trial = Trial(str(tmp_path / "short.toml"), Level("fem-p2-imex3", 2, 1e-4), epsilon=1e-10)
+    one, again = attempt(trial, Path()), attempt(trial, Path())
     assert (one.apart == again.apart).all()
     assert 0.1e-10 < one.apart[0] < 1e-10
     grown = one.apart[-1] / one.apart[0]
@@ -102,23 +100,31 @@ def test_twins_part_no_faster_than_linear_theory_allows(tmp_path):
     assert one.outcome == "completed"
 
 
-def test_a_report_is_read_as_it_was_written_and_its_page_says_so(ladder, tmp_path):
-    found = breakdowns(ladder)
-    write_extremes(tmp_path / FILE_NAME, ladder, found, "made by a test")
-    stored = read_extremes(tmp_path / FILE_NAME)
-    for one, other in zip(ladder, stored.attempts, strict=True):
-        assert one.key == other.key
-        assert one.breakdown == other.breakdown
-        assert (one.place == other.place).all()
-        assert (one.message, one.remesh, one.steps) == (other.message, other.remesh, other.steps)
-    assert [(one.times == other.times).all() for one, other in zip(found, stored.breakdowns, strict=True)]
-    page = write_extremes_page(tmp_path).read_text()
+def test_a_report_says_of_its_runs_what_they_came_to(ladder, tmp_path):
+    report = answered(extremes([None] * len(ladder)), lambda tasks: ladder)
+    assert [(one.value, one.holds) for one in report.claims] == [
+        (agreement(breakdowns(ladder))[STRONG][0], True)
+    ]
+    write_report(tmp_path / "extremes.h5", "extremes", report, "made by a test")
+    page = write_page(tmp_path / "extremes.h5").read_text()
     assert "1 of 1</span> breakdown times agree" in page
-    assert all(one.key in page for one in found)
+    for one in report.tables["breakdowns"].rows:
+        assert f"{one.value:.5g}" in page
+    assert f"{len(ladder)} runs, {len(ladder)} ended before their time" in page
+
+
+def test_a_report_says_whether_twins_have_parted(ladder):
+    times = np.array([0.0, 1e-3, 2e-3])
+    twin = replace(ladder[0], epsilon=1e-10, times=times)
+    for apart, words in ((1e-5, "they have not parted"), (1e-2, "they have parted")):
+        ran = [replace(twin, apart=np.array([1e-10, apart, apart / 2]))]
+        (chapter,) = answered(extremes([None]), lambda tasks, ran=ran: ran).chapters
+        assert words in chapter.note
+        assert f"{apart:.1e} apart at most, and {apart / 2:.1e} at t = 0.002" in chapter.note
 
 
 def test_the_plan_names_shipped_scenes_in_both_rheologies():
-    scenes = {name: load_scene(name) for name in {task.scene for task in tasks()}}
+    scenes = {name: load_scene(name) for name in {trial.scene for trial in trials()}}
     strong = {round(scene.parameters.psi): set() for scene in scenes.values()}
     for scene in scenes.values():
         strong[round(scene.parameters.psi)].add(str(scene.physics.rheology))

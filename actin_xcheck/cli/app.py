@@ -14,7 +14,6 @@ from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.closures import closures_command
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
-from actin_xcheck.cli.extremes import extremes_command
 from actin_xcheck.cli.faults import faults_command
 from actin_xcheck.cli.frontier import frontier_command
 from actin_xcheck.cli.history import diff_command, history_command
@@ -37,8 +36,6 @@ from actin_xcheck.studies.closures.record import FILE_NAME as CLOSURES_FILE
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.studies.extremes.page import write_extremes_page
-from actin_xcheck.studies.extremes.record import FILE_NAME as EXTREMES_FILE
 from actin_xcheck.studies.faults.page import write_faults_page
 from actin_xcheck.studies.faults.record import FILE_NAME as FAULTS_FILE
 from actin_xcheck.studies.frontier.page import write_frontier_page
@@ -69,7 +66,7 @@ app.command("frontier")(frontier_command)
 app.command("closures")(closures_command)
 app.command("distort")(studies.distort)
 app.command("faults")(faults_command)
-app.command("extremes")(extremes_command)
+app.command("extremes")(studies.extremes)
 app.command("history")(history_command)
 app.command("diff")(diff_command)
 app.command("nightly")(nightly_command)
@@ -103,7 +100,6 @@ def report_command(folder: Path, json: Json = False) -> None:
         CHART_FILE: write_chart_page,
         CLOSURES_FILE: write_closures_page,
         CONVERGENCE_FILE: write_convergence_page,
-        EXTREMES_FILE: write_extremes_page,
         FAULTS_FILE: write_faults_page,
         FRONTIER_FILE: write_frontier_page,
         NIGHT_FILE: write_night_page,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", show_default=False)]
 Methods = Annotated[list[str] | None, typer.Option("--method", help="May be given more than once.")]
+Only = Annotated[list[str] | None, typer.Option(help="May be given more than once.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the results; goes on with what lies there.")
 ]

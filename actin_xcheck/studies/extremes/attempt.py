@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -13,11 +14,10 @@ from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import Tolerance, checked_step, integrate
 from actin_xcheck.runs.method import SHAPES, SOUNDNESS, load
 from actin_xcheck.runs.run import bind, solver_for
-from actin_xcheck.runs.workers import Report
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.extremes.approach import Approach
-from actin_xcheck.studies.extremes.plan import SEED, Task
+from actin_xcheck.studies.extremes.plan import SEED, Trial
 from actin_xcheck.theory.dispersion import sigma_prime
 
 STEPS = 40
@@ -74,12 +74,6 @@ class Attempt:
     seconds: float
 
     @property
-    def key(self) -> str:
-        """Its name in the file."""
-        kind = "--remesh" if self.remesh else "--twins" if self.epsilon else ""
-        return f"{self.scene}--{self.method}-{self.refine}-{self.rtol:g}{kind}"
-
-    @property
     def horizon(self) -> float:
         """Time in which round-off grows to the size of a at the largest rate."""
         return float(np.log(1 / np.finfo(float).eps) / self.rate)
@@ -122,13 +116,13 @@ class _Watch(Approach):
         return float(np.linalg.norm(one - other) / np.linalg.norm(one))
 
 
-def attempt(task: Task, report: Report) -> Attempt:
-    """Run a task; what overflows ends as its Outcome."""
-    began, level, scene = time.process_time(), task.level, task.loaded
-    solver = _solver(task, scene)
+def attempt(trial: Trial, folder: Path) -> Attempt:
+    """Run a trial; what overflows ends as its Outcome."""
+    began, level, scene = time.process_time(), trial.level, trial.loaded
+    solver = _solver(trial, scene)
     watch = _Watch(solver)
-    if task.epsilon:
-        watch.twin = _twin(task, scene)
+    if trial.epsilon:
+        watch.twin = _twin(trial, scene)
     end = scene.time.end
     tolerance = Tolerance(level.rtol, level.of.order_dt)
     with np.errstate(all="ignore"):
@@ -139,30 +133,49 @@ def attempt(task: Task, report: Report) -> Attempt:
     slope = sigma_prime(model.parameters) + model.parameters.p / np.pi
     broke = outcome.ending is Ending.SINGULAR_DILATION
     times, apart = np.array(watch.apart, dtype=float).reshape(-1, 2).T
-    report("", 1, 1)
     return Attempt(
-        task.scene, str(model.rheology), model.parameters.psi, level.method, level.refine, level.rtol,
-        task.remesh, task.command, str(outcome.ending), outcome.message, last.t,
-        watch.breakdown if broke else np.nan, watch.place, watch.rows[-1][1], len(watch.rows) - 1,
-        watch.residual, watch.shape, watch.worn, getattr(last, "remeshings", 0),
-        getattr(last, "area_change", 0.0), measured.area, measured.total_actin, task.epsilon,
-        times, apart, slope / model.parameters.mu - model.reaction_rate(),
-        time.process_time() - began,
-    )  # fmt: skip
+        scene=trial.scene,
+        rheology=str(model.rheology),
+        psi=model.parameters.psi,
+        method=level.method,
+        refine=level.refine,
+        rtol=level.rtol,
+        remesh=trial.remesh,
+        command=trial.command,
+        outcome=str(outcome.ending),
+        message=outcome.message,
+        t=last.t,
+        breakdown=watch.breakdown if broke else np.nan,
+        place=watch.place,
+        dilation=watch.rows[-1][1],
+        steps=len(watch.rows) - 1,
+        residual=watch.residual,
+        shape=watch.shape,
+        worn=watch.worn,
+        remeshings=getattr(last, "remeshings", 0),
+        area_change=getattr(last, "area_change", 0.0),
+        area=measured.area,
+        total_actin=measured.total_actin,
+        epsilon=trial.epsilon,
+        times=times,
+        apart=apart,
+        rate=slope / model.parameters.mu - model.reaction_rate(),
+        seconds=time.process_time() - began,
+    )
 
 
-def _solver(task: Task, scene: Scene) -> Solver:
+def _solver(trial: Trial, scene: Scene) -> Solver:
     """On the whole disk where the mesh may be replaced or lose its symmetry, else on the smallest part."""
-    method, whole = task.level.of, task.remesh or task.epsilon or task.level.of.family != "fem"
+    method, whole = trial.level.of, trial.remesh or trial.epsilon or trial.level.of.family != "fem"
     reduction = FULL if whole else reduced(scene, method, Fidelity.SECTOR)
-    return bind(scene, method, task.level.refine, scene.time.end, reduction=reduction, remesh=task.remesh)
+    return bind(scene, method, trial.level.refine, scene.time.end, reduction=reduction, remesh=trial.remesh)
 
 
-def _twin(task: Task, scene: Scene) -> Solver:
+def _twin(trial: Trial, scene: Scene) -> Solver:
     """The method on the same disk, from data with relative noise."""
     problem = resolve(scene)
-    mesh = disk(task.level.refine, problem.model.parameters.l0)
-    return solver_for(_noisy(problem, task.epsilon), task.level.of, mesh)
+    mesh = disk(trial.level.refine, problem.model.parameters.l0)
+    return solver_for(_noisy(problem, trial.epsilon), trial.level.of, mesh)
 
 
 def _noisy(problem: Problem, epsilon: float) -> Problem:

@@ -34,11 +34,6 @@ class Breakdown:
     uncertainty: float
     how: str
 
-    @property
-    def key(self) -> str:
-        """Its name in the file."""
-        return f"{self.scene}--{self.method}"
-
 
 def breakdowns(attempts: Sequence[Attempt]) -> list[Breakdown]:
     """The breakdown times of all ladders whose runs end so, each on two meshes at least."""
@@ -68,8 +63,16 @@ def _breakdown(scene: str, method: str, levels: Sequence[Attempt], coarser: Sequ
     )
     how = f"in h: {of_h:.1e}, {how}; in steps: {of_steps:.1e}, Fs = {ELSEWHERE:g}, tolerance times 10"
     refine = np.array([one.refine for one in levels])
-    place = levels[-1].place
-    return Breakdown(scene, method, refine, times, place, float(times[-1]), of_h + of_steps, how)
+    return Breakdown(
+        scene=scene,
+        method=method,
+        refine=refine,
+        times=times,
+        place=levels[-1].place,
+        value=float(times[-1]),
+        uncertainty=of_h + of_steps,
+        how=how,
+    )
 
 
 def agreement(found: Sequence[Breakdown]) -> dict[str, tuple[float, float]]:

@@ -25,7 +25,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Task:
+class Trial:
     """One run.
 
     Attributes
@@ -85,16 +85,16 @@ TWINS = (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 4, 1e-6))
 """How the scene of the article's failure is run beside a twin."""
 
 
-def tasks() -> list[Task]:
+def trials() -> list[Trial]:
     """Every run, the longest first."""
-    twins = [Task("sec54-failure", level, epsilon=EPSILON) for level in TWINS]
+    twins = [Trial("sec54-failure", level, epsilon=EPSILON) for level in TWINS]
     carried = [
-        Task(scene, level, remesh)
+        Trial(scene, level, remesh)
         for scene, levels in CARRIED.items()
         for level in levels
         for remesh in (True, False)
     ]
     ended = [
-        Task(scene, level) for scene, ladders in BREAKDOWNS.items() for ladder in ladders for level in ladder
+        Trial(scene, level) for scene, ladders in BREAKDOWNS.items() for ladder in ladders for level in ladder
     ]
     return twins + carried + ended

@@ -1,0 +1,116 @@
+"""Scenes at the limit of the model, of the mesh and of what can be predicted: how each run of them ends."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.studies.extremes.attempt import Attempt, attempt
+from actin_xcheck.studies.extremes.breakdown import Breakdown, agreement, breakdowns
+from actin_xcheck.studies.extremes.plan import Trial
+from actin_xcheck.studies.study import Report, Study, Table, Task
+
+PARTED = 1e-3
+"""Twins that are further apart, relative, have parted."""
+
+SHOWN_RUNS = (
+    *("scene", "rheology", "method", "refine", "remesh", "outcome", "t", "steps", "shape", "worn"),
+    *("remeshings", "residual", "area", "message", "command"),
+)
+
+
+def extremes(trials: Sequence[Trial]) -> Study:
+    """Carry out trials, which stand in the order of their length, and read the breakdown times off."""
+    tasks = [Task(attempt, trial, float(len(trials) - i)) for i, trial in enumerate(trials)]
+    attempts: list[Attempt] = yield tasks
+    found = breakdowns(attempts)
+    agreed = agreement(found)
+    findings = [
+        f"{one.scene}, {one.method}: 1 + div u = 0 at t = {one.value:.6g} +- {one.uncertainty:.1g}"
+        for one in found
+    ]
+    findings += [
+        f"{scene}: methods differ by {apart:.1e}, their uncertainties allow {allowed:.1e}"
+        for scene, (apart, allowed) in agreed.items()
+    ]
+    note = "The root of the smallest 1 + div u, on the finest mesh; where it happens stands in the file."
+    return Report(
+        "breakdown times agree between methods",
+        _lead(attempts),
+        {
+            "breakdowns": Table(
+                "When the model ends", found, note, ("scene", "method", "value", "uncertainty", "how")
+            ),
+            "runs": Table("Every run", attempts, "", SHOWN_RUNS),
+        },
+        tuple(_claim(found, scene, *pair) for scene, pair in agreed.items()),
+        tuple(findings),
+        tuple(_twins([one for one in attempts if one.epsilon])),
+    )
+
+
+def _lead(attempts: Sequence[Attempt]) -> str:
+    ended = sum(one.outcome != "completed" for one in attempts)
+    remeshings = sum(one.remeshings for one in attempts)
+    return (
+        f"{len(attempts)} runs, {ended} ended before their time, {remeshings} remeshings.\n\n"
+        "The model ends where 1 + div u reaches zero: the pressure is singular there. Its time is the root "
+        "of the smallest 1 + div u of a run whose steps shorten towards it, on meshes whose width halves; "
+        "the uncertainty is Roache's. The mesh ends where a cell has lost its shape: it is then said to be "
+        "about to fold, and with remeshing the run goes on on a new triangulation of the reference disk. "
+        "Prediction ends where a run and its twin part."
+    )
+
+
+def _claim(found: Sequence[Breakdown], scene: str, apart: float, allowed: float) -> Claim:
+    """The methods' breakdown times of a scene differ by no more than their uncertainties."""
+    return Claim(
+        scene=scene,
+        methods=tuple(one.method for one in found if one.scene == scene),
+        statement="the methods agree on when 1 + div u reaches zero (largest relative difference)",
+        value=apart,
+        bound=allowed,
+        command=f"python -m actin_xcheck extremes --only {scene}",
+        path="/tables/breakdowns",
+        note="bound: the sum of their uncertainties",
+    )
+
+
+def _twins(twins: Sequence[Attempt]) -> list[Chapter]:
+    """How twins part, if there are some."""
+    if not twins:
+        return []
+    lines = []
+    for one in twins:
+        shown = (one.times > 0) & (one.apart > 0)
+        label = f"{one.scene}, {one.method}, refine {one.refine}"
+        lines.append(Line(label, one.times[shown], one.apart[shown]))
+    times = np.unique(np.concatenate([line.x for line in lines]))
+    first = twins[0]
+    grown = first.epsilon * np.exp(np.minimum(first.rate * times, np.log(1 / first.epsilon)))
+    guide = Line("at the largest rate of a = 1", times, grown, guide=True)
+    note = (
+        "Relative distance of their concentrations, against time.  Dotted: what the largest growth rate of "
+        "linear theory would make of it."
+    )
+    title = f"Two runs that differ by {first.epsilon:g} at the start"
+    plot = Plot("twins", title, note, "t", (*lines, guide), log=True)
+    return [Chapter("twins", "When prediction ends", " ".join(map(_parting, twins)), (plot,))]
+
+
+def _parting(one: Attempt) -> str:
+    """Whether a run and its twin have parted, in words."""
+    if one.apart.max() < PARTED:
+        come_to = (
+            "they have not parted: as far as they were run the run is predictable, beyond what the rate "
+            "about a = 1 lets one fear."
+        )
+    else:
+        come_to = "they have parted, and nothing is claimed of the run after that."
+    return (
+        f"{one.scene}, {one.method} at refine {one.refine}: the largest growth rate about a = 1 is "
+        f"{one.rate:.4g}, so that round-off could grow to the size of a by t = {one.horizon:.2g}. Twins that "
+        f"differ by {one.epsilon:g} were {one.apart.max():.1e} apart at most, and {one.apart[-1]:.1e} at "
+        f"t = {one.times[-1]:.4g}: {come_to}"
+    )
