@@ -6,31 +6,27 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actin_xcheck.cli import closures as closures_command
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.cli.app import main
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.closures import examine as examination
-from actin_xcheck.studies.closures import record
-from actin_xcheck.studies.closures.examine import METHODS, ROUGH_SCENE, examine, plan
 from actin_xcheck.studies.closures.findings import (
     JUDGED,
     departure,
     ladders,
-    on_growth,
-    on_refinement,
-    reason,
 )
-from actin_xcheck.studies.closures.growth import Ripples, measure
-from actin_xcheck.studies.closures.page import write_closures_page
-from actin_xcheck.studies.closures.record import FILE_NAME, read_closures, write_closures
+from actin_xcheck.studies.closures.growth import Ripples, Spectrum, measure
 from actin_xcheck.studies.closures.refinement import Course, Rim, follow
 from actin_xcheck.studies.closures.rims import distance, roughness
+from actin_xcheck.studies.closures.study import METHODS, ROUGH_SCENE, Followed, closures, plan
+from actin_xcheck.studies.page import write_page
+from actin_xcheck.studies.study import write_report
 from actin_xcheck.theory.ripples import advance_per_fold, contrast, half_plane_rate, ripple_exponent
 from fem.force_balance import ForceBalance
+from tests.studies import carry
 from tests.test_report import SCRIPT, Tags
 
 TABLE_2 = Parameters(0.0, 2.0)
@@ -124,9 +120,10 @@ def test_with_reference_normal_every_ripple_keeps_its_share_of_the_radius(method
 
 
 @pytest.fixture(scope="module")
-def rims():
+def rims(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rims")
     return [
-        follow(Course(ROUGH_SCENE, P2, closure, level))
+        follow(Course(ROUGH_SCENE, P2, closure, level), folder)
         for closure in (CURRENT, REFERENCE)
         for level in range(3)
     ]
@@ -208,17 +205,17 @@ TINY = [
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("closures")
-    with pytest.MonkeyPatch.context() as patch, in_turn():
-        for module in (examination, record):
-            patch.setattr(module, "provenance", lambda: {"commit": "clean"})
-        examine(TINY, made, "python -m actin_xcheck closures")
-    return made
+    return tmp_path_factory.mktemp("closures")
+
+
+@pytest.fixture(scope="module")
+def report(folder):
+    return carry(folder, closures(TINY), name="closures")
 
 
 def test_the_plan_asks_for_both_readings_and_both_ways():
     asked = plan(METHODS)
-    assert len({one.key for one in asked}) == len(asked)
+    assert len(set(asked)) == len(asked)
     for method in METHODS:
         ripples = {
             (one.closure, one.advancing) for one in asked if isinstance(one, Ripples) and one.method == method
@@ -228,76 +225,56 @@ def test_the_plan_asks_for_both_readings_and_both_ways():
         assert {one.level for one in courses if one.closure is CURRENT} == {0, 1, 2, 3}
 
 
-def test_meshes_of_a_level_have_as_many_rim_nodes():
+def test_meshes_of_a_level_have_as_many_rim_nodes(tmp_path):
     for method in METHODS:
         course = Course(ROUGH_SCENE, method, REFERENCE, 1)
-        assert follow(replace(course, level=0)).nodes == 32
+        assert follow(replace(course, level=0), tmp_path).nodes == 32
     assert [Course(ROUGH_SCENE, method, REFERENCE, 3).refine for method in METHODS] == [6, 5, 4, 6]
 
 
-def test_what_was_found_is_read_back(folder):
-    stored = read_closures(folder / FILE_NAME)
-    assert [one.asked for one in stored.spectra] + [one.course for one in stored.rims] == TINY
-    again = measure(TINY[0])
-    assert np.array_equal(stored.spectra[0].measured, again.measured)
-    assert stored.rims[0].rims.shape == (11, 2, 32)
+def test_what_was_found_stands_in_the_file(folder, report):
+    with reading(folder / "closures.h5", "report") as file:
+        spectra = read_table(file["tables/ripples"], Spectrum)
+        runs = read_table(file["tables/runs"], Followed)
+    assert [one.asked for one in spectra] == TINY[:3]
+    assert np.array_equal(spectra[0].measured, measure(TINY[0]).measured)
+    assert runs[0].rims.shape == (11, 2, 32)
+    assert [one.command for one in runs] == [one.command for one in TINY[3:]]
 
 
-def test_a_report_goes_on_where_it_was(folder, monkeypatch):
-    def refuse(tasks):
-        raise AssertionError(tasks)
-
-    for module in (examination, record):
-        monkeypatch.setattr(module, "provenance", lambda: {"commit": "clean"})
-    monkeypatch.setattr(examination, "work_off", lambda work, tasks, told: [refuse(one) for one in tasks])
-    examine(TINY, folder, "again")
-    monkeypatch.setattr(examination, "provenance", lambda: {"commit": "another"})
-    with pytest.raises(AssertionError):
-        examine(TINY, folder, "again")
-
-
-def test_the_page_says_why_and_shows_every_outline(folder):
-    page = write_closures_page(folder)
-    tags = Tags(page)
-    stored = read_closures(folder / FILE_NAME)
+def test_the_page_says_why_and_shows_every_outline(folder, report):
+    tags = Tags(write_page(folder / "closures.h5"))
     text = " ".join(tags.text.split())
-    assert reason(stored) in text
-    assert all(sentence in text for sentence in (*on_growth(stored), *on_refinement(stored)))
+    assert report.findings[0].startswith("The default is reference-normal because")
+    assert all(sentence in text for sentence in report.findings)
     polygons = [one for one in tags.attributes("polygon", "class") if one == "rim"]
-    assert len(polygons) == len(stored.rims)
-    for rim in stored.rims:
-        assert rim.course.command in tags.text
-        assert (folder / rim.course.file).exists()
+    assert len(polygons) == 4
+    for course in TINY[3:]:
+        assert course.command in tags.text
+        assert (folder / course.file).exists()
 
 
-def test_words_from_files_are_escaped(folder, tmp_path):
-    stored = read_closures(folder / FILE_NAME)
-    hurt = [replace(one, outcome="tangled", message=SCRIPT) for one in stored.rims]
-    write_closures(tmp_path / FILE_NAME, [*stored.spectra, *hurt], {"command": SCRIPT, "scene": SCRIPT})
-    tags = Tags(write_closures_page(tmp_path))
+def test_words_from_files_are_escaped(report, tmp_path):
+    (runs,) = (
+        replace(one, rows=[replace(row, message=SCRIPT) for row in one.rows])
+        for one in [report.tables["runs"]]
+    )
+    hurt = replace(report, title=SCRIPT, findings=(SCRIPT,), tables={"runs": runs})
+    write_report(tmp_path / "closures.h5", "closures", hurt, SCRIPT)
+    tags = Tags(write_page(tmp_path / "closures.h5"))
     assert not tags.foreign()
     assert SCRIPT in tags.text
-
-
-def test_a_folder_without_a_report_is_the_users_mistake(tmp_path):
-    with pytest.raises(UserError, match=r"closures\.h5: no such file"):
-        write_closures_page(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("method", "message"), [("fem", "not a method"), ("fv-driven", "moves its rim as another")]
 )
-def test_mistakes_are_one_line_and_make_no_folder(method, message, tmp_path):
+def test_mistakes_are_one_line_and_make_no_folder(method, message, tmp_path, capsys, monkeypatch):
     folder = tmp_path / "none"
-    with pytest.raises(UserError, match=message) as raised:
-        closures_command.closures_command([method], folder, True)
-    assert "\n" not in str(raised.value)
+    monkeypatch.setattr("sys.argv", ["actin_xcheck", "closures", "--method", method, "--out", str(folder)])
+    with pytest.raises(SystemExit):
+        main()
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
     assert not folder.exists()
-
-
-def test_the_command_says_why(folder, monkeypatch, capsys):
-    monkeypatch.setattr(closures_command, "examine", lambda *_: read_closures(folder / FILE_NAME))
-    closures_command.closures_command(None, folder, True)
-    said = capsys.readouterr().out
-    assert said.startswith("The default is reference-normal because")
-    assert said.rstrip().endswith("index.html")

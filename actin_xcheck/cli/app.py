@@ -11,7 +11,6 @@ from rich.table import Table
 
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
-from actin_xcheck.cli.closures import closures_command
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
 from actin_xcheck.cli.faults import faults_command
@@ -31,8 +30,6 @@ from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.studies.chart.page import write_chart_page
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
-from actin_xcheck.studies.closures.page import write_closures_page
-from actin_xcheck.studies.closures.record import FILE_NAME as CLOSURES_FILE
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
@@ -63,7 +60,7 @@ app.command("sweep")(sweep_command)
 app.command("render")(render_command)
 app.command("export")(export_command)
 app.command("frontier")(frontier_command)
-app.command("closures")(closures_command)
+app.command("closures")(studies.closures)
 app.command("distort")(studies.distort)
 app.command("faults")(faults_command)
 app.command("extremes")(studies.extremes)
@@ -98,7 +95,6 @@ def report_command(folder: Path, json: Json = False) -> None:
     pages = {
         AUDIT_FILE: write_audit_page,
         CHART_FILE: write_chart_page,
-        CLOSURES_FILE: write_closures_page,
         CONVERGENCE_FILE: write_convergence_page,
         FAULTS_FILE: write_faults_page,
         FRONTIER_FILE: write_frontier_page,

@@ -61,3 +61,24 @@ def extremes(only: Only = None) -> "Study":
         if name not in known:
             raise UserError(f"--only: {name!r} is not in the study; valid: {', '.join(known)}")
     return study([trial for trial in every if not only or trial.scene in only])
+
+
+@study_command("closures")
+def closures(methods: Methods = None) -> "Study":
+    """Show what current-normal and reference-normal do to ripples of the rim, and to mesh refinement.
+
+    Growth by wave number against theory, on a rim that advances and one that retracts; then a rough cell that
+    swells, on finer and finer meshes (about two minutes).  Runs that fail are what it is about.
+    """
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.studies.closures.study import METHODS, plan
+    from actin_xcheck.studies.closures.study import closures as study
+
+    chosen = find_methods(methods or METHODS)
+    for method in chosen:
+        if method.driven_by:
+            raise UserError(
+                f"--method: {method.name} moves its rim as another method does; valid: {', '.join(METHODS)}"
+            )
+    return study(plan([method.name for method in chosen]))

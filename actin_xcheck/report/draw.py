@@ -12,8 +12,19 @@ from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from actin_xcheck.core.model import Array
 from actin_xcheck.report.cells import OUTLINE, Brush, Canvas, ColourBar, Panel, colours, window
-from actin_xcheck.report.exhibits import Exhibit, Line, Picture, Plot, Regions, Sheet, Shots
+from actin_xcheck.report.exhibits import (
+    Exhibit,
+    Line,
+    Outline,
+    Outlines,
+    Picture,
+    Plot,
+    Regions,
+    Sheet,
+    Shots,
+)
 from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
 
 _BANDS = (
@@ -48,11 +59,12 @@ class Drawing:
 
     Attributes
     ----------
-    kind : "plot", "picture", "shots", "regions" or "sheet".
+    kind : "plot", "picture", "shots", "outlines", "regions" or "sheet".
     title, note : text.
     path : where its numbers stand in the file.
     svg : an inline drawing that holds no markup but its own, or empty.
     panels : pictures with their titles.
+    outlines : rims, each with its polygons in a drawing of 100 x 100.
     bars, legend : what the colours and lines mean.
     rows : of a table, header first; `numeric` says which columns hold numbers.
     """
@@ -63,6 +75,7 @@ class Drawing:
     path: str
     svg: str = ""
     panels: tuple[tuple[str, Panel], ...] = ()
+    outlines: tuple[tuple[Outline, str, str], ...] = ()
     bars: tuple[ColourBar, ...] = ()
     legend: tuple[Key, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
@@ -78,6 +91,9 @@ def draw(exhibit: Exhibit, path: str, prefix: str) -> Drawing:
             return _picture(exhibit, path)
         case Shots():
             return _shots(exhibit, path)
+        case Outlines():
+            outlines = tuple((one, _polygon(one.points), _polygon(one.due)) for one in exhibit.outlines)
+            return Drawing("outlines", exhibit.title, exhibit.note, path, outlines=outlines)
         case Regions():
             return _regions(exhibit, path, prefix)
         case Sheet():
@@ -163,6 +179,12 @@ def _shots(shots: Shots, path: str) -> Drawing:
         for shot in shots.shots
     )
     return Drawing("shots", shots.title, shots.note, path, panels=panels, bars=(scale.bar("a"),))
+
+
+def _polygon(points: Array) -> str:
+    """Points (2, n) of a rim in a drawing of 100 x 100 whose unit is 30."""
+    x, y = 50 + 30 * points[0], 50 - 30 * points[1]
+    return " ".join(f"{a:.2f},{b:.2f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
 
 
 def _regions(regions: Regions, path: str, prefix: str) -> Drawing:

@@ -69,6 +69,26 @@ class Shots:
 
 
 @dataclass(frozen=True, eq=False)
+class Outline:
+    """A rim: its points (2, n) within two radii, beside those that are due; whether its run failed."""
+
+    title: str
+    points: Array
+    due: Array
+    failed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Rims side by side."""
+
+    key: str
+    title: str
+    note: str
+    outlines: tuple[Outline, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Regions:
     """A map of a plane: codes (n_y, n_x) number the entries of `names`; `borders` are curves drawn on it.
 
@@ -98,7 +118,7 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
 
 
-Exhibit = Plot | Picture | Shots | Regions | Sheet
+Exhibit = Plot | Picture | Shots | Outlines | Regions | Sheet
 
 
 @dataclass(frozen=True)

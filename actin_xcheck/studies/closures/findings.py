@@ -9,7 +9,6 @@ import numpy as np
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.closures.growth import BASE, Spectrum
-from actin_xcheck.studies.closures.record import Closures
 from actin_xcheck.studies.closures.refinement import Rim
 from actin_xcheck.theory.ripples import advance_per_fold, ripple_exponent
 
@@ -83,10 +82,10 @@ def departure(spectrum: Spectrum, nodes_a_wave: float = RESOLVED) -> float:
     return float(apart.max()) if apart.size else float("nan")
 
 
-def reason(stored: Closures) -> str:
+def reason(rims: Sequence[Rim]) -> str:
     """One sentence that says why the default closure is what it is."""
     folds = advance_per_fold(load_scene(BASE).parameters)
-    found = ladders(stored.rims)
+    found = ladders(rims)
     lost = max(
         (one for one in found if one.closure is Closure.CURRENT_NORMAL),
         key=lambda one: float(np.isfinite(one.lost).sum()),
@@ -103,10 +102,10 @@ def reason(stored: Closures) -> str:
     )
 
 
-def on_growth(stored: Closures) -> list[str]:
+def on_growth(spectra: Sequence[Spectrum]) -> list[str]:
     """How ripples grow, one sentence a spectrum of `current-normal` and one for all of `reference-normal`."""
     said = []
-    for one in stored.spectra:
+    for one in spectra:
         if one.asked.closure is Closure.CURRENT_NORMAL:
             way = "advancing" if one.asked.advancing else "retracting"
             most, least = int(np.argmax(one.measured)), int(np.argmin(one.measured))
@@ -121,7 +120,7 @@ def on_growth(stored: Closures) -> list[str]:
                     f"γ = {one.measured[least]:.3g} at m = {one.modes[least]:g}"
                 )
             said.append(words)
-    steady = [one for one in stored.spectra if one.asked.closure is Closure.REFERENCE_NORMAL]
+    steady = [one for one in spectra if one.asked.closure is Closure.REFERENCE_NORMAL]
     if steady:
         apart = max(float(np.abs(one.measured - 1).max()) for one in steady)
         said.append(
@@ -130,11 +129,11 @@ def on_growth(stored: Closures) -> list[str]:
     return said
 
 
-def on_refinement(stored: Closures) -> list[str]:
+def on_refinement(rims: Sequence[Rim]) -> list[str]:
     """What finer meshes do with `current-normal`, one sentence a scene and method."""
     return [
         f"{ladder.scene}, {ladder.method}: with {ladder.closure} {_times(ladder)}{_due(ladder)}"
-        for ladder in ladders(stored.rims)
+        for ladder in ladders(rims)
         if ladder.closure is Closure.CURRENT_NORMAL
     ]
 

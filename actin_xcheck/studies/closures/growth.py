@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import tomli_w
@@ -45,17 +46,11 @@ class Ripples:
     modes: tuple[int, ...] = MODES
 
     @property
-    def key(self) -> str:
-        """Its name in files."""
-        way = "advancing" if self.advancing else "retracting"
-        return f"{self.method}--{self.refine}--{self.closure}--{way}"
-
-    @property
-    def cost(self) -> int:
-        """About how long it takes, in milliseconds."""
+    def seconds(self) -> float:
+        """About what it takes."""
         method = find_method(self.method)
         nodes = 4.0**self.refine * method.space**2
-        return round(len(self.modes) * nodes / 8 * method.order_dt * (3 if method.family == "fv" else 1))
+        return len(self.modes) * nodes / 8e3 * method.order_dt * (3 if method.family == "fv" else 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +87,7 @@ def rippled(closure: Closure, advancing: bool, m: int) -> Scene:
     return parse_scene(tomli_w.dumps(table), table["name"])
 
 
-def measure(asked: Ripples) -> Spectrum:
+def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:
     """Run every ripple beside the disk without one and read off how its amplitude grew."""
     bare = _rims(asked, 0)
     nodes = bare.shape[-1]
@@ -118,5 +113,5 @@ def _rims(asked: Ripples, m: int) -> Array:
     rims = Rims(solver)
     outcome = integrate(solver, DT, scene.output_times, rims)
     if not outcome.ok:
-        raise ArithmeticError(f"{asked.key}, m = {m}: {outcome.message}")
+        raise ArithmeticError(f"{asked}, m = {m}: {outcome.message}")
     return np.array(rims.rims)

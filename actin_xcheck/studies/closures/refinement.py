@@ -9,10 +9,12 @@ import shlex
 import tomllib
 from dataclasses import dataclass
 from math import ceil, log2
+from pathlib import Path
 
 import numpy as np
 import tomli_w
 
+from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.fidelity import Fidelity
@@ -70,11 +72,11 @@ class Course:
         return load_scene(self.scene).time.end / self.steps
 
     @property
-    def cost(self) -> int:
-        """About how long it takes, in milliseconds."""
+    def seconds(self) -> float:
+        """About what it takes."""
         method = find_method(self.method)
         nodes = 4.0**self.refine * method.space**2
-        return round(self.steps * nodes / 40 * method.order_dt * (3 if method.family == "fv" else 1))
+        return self.steps * nodes / 4e4 * method.order_dt * (3 if method.family == "fv" else 1)
 
     @property
     def file(self) -> str:
@@ -155,9 +157,11 @@ def scene_of(course: Course) -> Scene:
     return parse_scene(tomli_w.dumps(table), course.file)
 
 
-def follow(course: Course) -> Rim:
-    """Run a course and keep its rim."""
-    scene = scene_of(course)
+def follow(course: Course, folder: Path) -> Rim:
+    """Run a course and keep its rim; leave its scene, which the course's command names."""
+    scene, file = scene_of(course), folder / course.file
+    file.parent.mkdir(exist_ok=True)
+    replace_file(file, scene.text.encode())
     solver = bind(scene, find_method(course.method), course.refine, course.dt)
     rims = Rims(solver)
     with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome

@@ -1,20 +1,15 @@
-"""The page of a closures report, from `closures.h5` alone."""
+"""What a report on closures draws: outlines, growth by wave number, what finer meshes do."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.report.draw import Drawing, draw
-from actin_xcheck.report.environment import environment, put_page
-from actin_xcheck.report.exhibits import Line, Plot
+from actin_xcheck.report.exhibits import Line, Outline, Outlines, Plot
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.closures.findings import JUDGED, Ladder, ladders, on_growth, on_refinement, reason
+from actin_xcheck.studies.closures.findings import JUDGED, Ladder
 from actin_xcheck.studies.closures.growth import BASE, Spectrum
-from actin_xcheck.studies.closures.record import FILE_NAME, Closures, read_closures
 from actin_xcheck.studies.closures.refinement import LOST, Rim
 from actin_xcheck.studies.closures.rims import ROUGH, mean_radius
 from actin_xcheck.theory.ripples import contrast, ripple_exponent
@@ -23,59 +18,11 @@ EXAGGERATED = 3.0
 """How many times the departure of an outline from the circle is drawn."""
 
 _SPACING = "distance of rim nodes, in radii"
-_HALF = 50.0  # of an outline's drawing
-_PARAMETERS = load_scene(BASE).parameters
 
 
-@dataclass(frozen=True)
-class _Outline:
-    """A rim as it was last, beside what it should be: polygons in the units of a drawing of 100 x 100."""
-
-    title: str
-    points: str
-    due: str
-    note: str
-    failed: bool
-
-
-@dataclass(frozen=True)
-class _Gallery:
-    """All rims of one scene and method: a row a closure, a column a mesh."""
-
-    title: str
-    rows: tuple[tuple[Closure, tuple[_Outline, ...]], ...]
-
-
-def write_closures_page(folder: Path) -> Path:
-    """Write `folder/index.html` from `folder/closures.h5` and return its path.
-
-    UserError where the file is missing or not whole.
-    """
-    folder = Path(folder)
-    stored = read_closures(folder / FILE_NAME)
-    found = ladders(stored.rims)
-    html = environment(folder).get_template("closures.html")
-    text = html.render(
-        attributes={name: value for name, value in stored.attributes.items() if name != "scene"},
-        reason=reason(stored),
-        on_growth=on_growth(stored),
-        on_refinement=on_refinement(stored),
-        galleries=_galleries(found),
-        exaggerated=EXAGGERATED,
-        growth=_growth(stored),
-        refinement=_refinement(found),
-        ladders=found,
-        rough=ROUGH,
-        lost_factor=LOST,
-        kappa=contrast(_PARAMETERS),
-        file=stored.path,
-    )
-    return put_page(folder, text)
-
-
-def _growth(stored: Closures) -> list[Drawing]:
+def on_ripples(spectra: Sequence[Spectrum]) -> tuple[Plot, ...]:
     """Charts of measured rates against theory's."""
-    current = [one for one in stored.spectra if one.asked.closure is Closure.CURRENT_NORMAL]
+    current = [one for one in spectra if one.asked.closure is Closure.CURRENT_NORMAL]
     by_method: dict[str, list[Spectrum]] = {}
     for one in current:
         if one.asked.advancing:
@@ -91,34 +38,34 @@ def _growth(stored: Closures) -> list[Drawing]:
     retracting = [one for one in current if not one.asked.advancing]
     note = "Rate over |V|/R, V < 0: what grows on an advancing rim is damped here by as much."
     plots.append(_rates("retracting", "Damping, retracting rim, current-normal", note, retracting))
-    steady = [one for one in stored.spectra if one.asked.closure is Closure.REFERENCE_NORMAL]
+    steady = [one for one in spectra if one.asked.closure is Closure.REFERENCE_NORMAL]
     note = "Rate over V/R: 1 for every ripple and method, which is to keep its shape. Dotted: current-normal."
     plots.append(_rates("steady", "Growth, advancing rim, reference-normal", note, steady))
-    return [draw(plot, "/ripples/*/measured", f"g{i}") for i, plot in enumerate(plots) if plot.lines]
+    return tuple(plot for plot in plots if plot.lines)
 
 
 def _rates(key: str, title: str, note: str, spectra: Sequence[Spectrum]) -> Plot:
     """Rates over |V|/R of spectra that go the same way, beside those of theory with `current-normal`."""
     if not spectra:
         return Plot(key, title, note, "", ())
-    way = 1.0 if spectra[0].asked.advancing else -1.0
+    way, parameters = 1.0 if spectra[0].asked.advancing else -1.0, load_scene(BASE).parameters
     m = np.arange(1.0, max(float(one.modes.max()) for one in spectra) + 1)
-    exact = [way * ripple_exponent(Closure.CURRENT_NORMAL, _PARAMETERS, int(one)) for one in m]
+    exact = [way * ripple_exponent(Closure.CURRENT_NORMAL, parameters, int(one)) for one in m]
     lines = (
         *(
             Line(f"{one.asked.method}, {one.nodes} rim nodes", one.modes, way * one.measured)
             for one in spectra
         ),
         Line("exact, on the disk", m, np.array(exact), guide=True),
-        Line("κm, half-plane", m, np.asarray(way * contrast(_PARAMETERS) * m), guide=True),
+        Line("κm, half-plane", m, np.asarray(way * contrast(parameters) * m), guide=True),
     )
     return Plot(key, title, note, "wave number m", lines)
 
 
-def _refinement(found: Sequence[Ladder]) -> list[Drawing]:
+def on_meshes(found: Sequence[Ladder]) -> tuple[Plot, ...]:
     """Charts of what finer meshes do, scene by scene."""
-    drawings = []
-    for i, scene in enumerate(dict.fromkeys(one.scene for one in found)):
+    every = []
+    for scene in dict.fromkeys(one.scene for one in found):
         ours = [one for one in found if one.scene == scene]
         current = [one for one in ours if one.closure is Closure.CURRENT_NORMAL]
         plots = [
@@ -128,8 +75,8 @@ def _refinement(found: Sequence[Ladder]) -> list[Drawing]:
         if any(np.isfinite(one.lost).any() for one in current):
             plots.append(_lost(scene, current))
         plots += [_rough(one) for one in current]
-        drawings += [draw(plot, "/runs/*/rims", f"r{i}-{j}") for j, plot in enumerate(plots)]
-    return drawings
+        every += plots
+    return tuple(every)
 
 
 def _changes(scene: str, closure: Closure, group: Sequence[Ladder]) -> Plot:
@@ -167,31 +114,29 @@ def _rough(ladder: Ladder) -> Plot:
     return Plot(key, f"Roughness, {ladder.scene}, {ladder.method}", note, "t", tuple(lines))
 
 
-def _galleries(found: Sequence[Ladder]) -> list[_Gallery]:
-    together: dict[tuple[str, str], list[Ladder]] = {}
-    for one in found:
-        together.setdefault((one.scene, one.method), []).append(one)
-    return [
-        _Gallery(
-            f"{scene}, {method}",
-            tuple((one.closure, tuple(map(_outline, one.rims))) for one in group),
+def outlines(found: Sequence[Ladder]) -> tuple[Outlines, ...]:
+    """The last rim of every run, a row a closure and a column a mesh, for each scene and method."""
+    return tuple(
+        Outlines(
+            f"{one.scene}-{one.method}-{one.closure}",
+            f"{one.scene}, {one.method}: {one.closure}",
+            "",
+            tuple(map(_outline, one.rims)),
         )
-        for (scene, method), group in together.items()
-    ]
+        for one in sorted(found, key=lambda one: (one.scene, one.method))
+    )
 
 
-def _outline(rim: Rim) -> _Outline:
-    """The last rim that stands; dotted the first one, which a cell that keeps its shape still has."""
+def _outline(rim: Rim) -> Outline:
+    """The last rim that stands, and the first one, which a cell that keeps its shape still has."""
     failed = rim.outcome != Ending.COMPLETED
-    when = f"t = {rim.times[-1]:.3g}"
-    title = f"{rim.nodes} rim nodes, {when}" + (f": {rim.outcome.replace('_', ' ')}" if failed else "")
-    return _Outline(title, _polygon(rim.rims[-1]), _polygon(rim.rims[0]), rim.message or "completed", failed)
+    ending = f": {rim.outcome.replace('_', ' ')}" if failed else ""
+    title = f"{rim.nodes} rim nodes, t = {rim.times[-1]:.3g}{ending}"
+    return Outline(title, _exaggerated(rim.rims[-1]), _exaggerated(rim.rims[0]), failed)
 
 
-def _polygon(rim: Array) -> str:
-    """Points of a rim (2, n) in its own mean radii, departures from the circle drawn larger."""
+def _exaggerated(rim: Array) -> Array:
+    """A rim (2, n) in its own mean radii, its departures from the circle `EXAGGERATED` times as large."""
     radii, angles = np.hypot(*rim), np.arctan2(rim[1], rim[0])
     drawn = np.clip(1 + EXAGGERATED * (radii / mean_radius(rim) - 1), 0, 2)
-    scale = 0.6 * _HALF
-    x, y = _HALF + scale * drawn * np.cos(angles), _HALF - scale * drawn * np.sin(angles)
-    return " ".join(f"{a:.2f},{b:.2f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+    return np.asarray(drawn * np.array([np.cos(angles), np.sin(angles)]))
