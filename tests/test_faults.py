@@ -2,29 +2,28 @@
 
 import os
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from inspect import getattr_static
 
 import numpy as np
 import pytest
-import typer
 
-from actin_xcheck.cli import faults as faults_command
-from actin_xcheck.cli.app import report_command
+from actin_xcheck.cli.app import main, report_command
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.runs.workers import in_turn, work_off
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.faults import hunt as hunting
 from actin_xcheck.studies.faults.catalogue import FAULTS as CATALOGUE
 from actin_xcheck.studies.faults.catalogue import find_faults
 from actin_xcheck.studies.faults.checks import Compared, Reduced
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
 from actin_xcheck.studies.faults.hunt import hunt
-from actin_xcheck.studies.faults.record import FILE_NAME, read_hunt
 from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
 from fv.krylov import Operator
@@ -32,6 +31,7 @@ from fv.second_order import FvSecondOrder
 from fv.solver import FvDiamond
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
+from tests.studies import carry
 
 STEPS = {"growing-disk": 50, "fig14-four-fronts": 80, "mode-11-wall": 50}
 
@@ -83,12 +83,17 @@ MODES = Reduced("mode-1-cell", "fem-p4-imex4", Fidelity.MODAL, 1, 20, 1e-4)
 NOTHING = Fault("nothing", "Nothing is wrong.", "fv", "fv.krylov:solve", unchanged)
 
 
-def hunted(fault, *suite):
+@pytest.fixture
+def hunted(tmp_path):
     """The hunt for one fault, in this process."""
-    with in_turn():
-        found = hunt([fault], suite=suite)
-    assert [clean.red for clean in found.clean] == [() for _ in suite]
-    return found
+
+    def hunt_for(fault, *suite):
+        report = carry(tmp_path, hunt([fault], suite), name="faults")
+        assert all(one.red == 0 for one in report.tables["checks"].rows)
+        (caught,) = report.tables["faults"].rows
+        return report, caught
+
+    return hunt_for
 
 
 def breaks_down(right, *arguments):
@@ -143,48 +148,48 @@ def test_an_error_within_is_not_hidden_by_one_about_the_control():
         ("sector-too-narrow", NARROW, "a sector and the whole cell are the same"),
     ],
 )
-def test_a_fault_is_caught_by_the_claim_that_is_there_for_it(name, check, words):
-    found = hunted(CATALOGUE[name], check)
-    (caught,) = found.found
-    assert found.holds
+def test_a_fault_is_caught_by_the_claim_that_is_there_for_it(name, check, words, hunted):
+    report, caught = hunted(CATALOGUE[name], check)
+    assert [claim.holds for claim in report.claims] == [True, True]
+    assert report.title == "1 of 1 deliberate faults caught"
     assert caught.check == check.name
     assert words in caught.claim.statement
     assert caught.claim.value > 2 * caught.claim.bound
 
 
-def test_no_fault_is_not_caught():
-    found = hunted(NOTHING, STILL)
-    (missed,) = found.found
-    assert not found.holds
+def test_no_fault_is_not_caught(hunted):
+    report, missed = hunted(NOTHING, STILL)
+    assert [claim.holds for claim in report.claims] == [False, True]
     assert (missed.claim, missed.passed, missed.trouble) == (None, (STILL.name,), "")
 
 
-def test_a_check_that_breaks_down_has_caught_nothing():
-    (missed,) = hunted(replace(NOTHING, wrong=breaks_down), STILL).found
+def test_a_check_that_breaks_down_has_caught_nothing(hunted):
+    _, missed = hunted(replace(NOTHING, wrong=breaks_down), STILL)
     assert not missed.caught
     assert missed.trouble == f"{STILL.name} broke down: TypeError: not such arguments"
 
 
-def test_a_fault_that_no_check_reaches_is_not_caught():
-    (missed,) = hunted(replace(NOTHING, target="fem.radial:Radial._shape"), STILL).found
+def test_a_fault_that_no_check_reaches_is_not_caught(hunted):
+    _, missed = hunted(replace(NOTHING, target="fem.radial:Radial._shape"), STILL)
     assert missed.trouble == "no green check calls fem.radial:Radial._shape"
 
 
+@dataclass(frozen=True)
 class Red:
     """A check that is red without a fault."""
 
-    name, bounded = "red", True
+    name: str = "red"
+    bounded: bool = True
 
     def claims(self, folder):
         return [Claim("scene", (FV,), "something holds", np.nan, 1.0, "command", "/path")]
 
 
-def test_a_check_that_is_red_without_a_fault_catches_nothing():
-    with in_turn():
-        found = hunt([NOTHING], suite=[Red()])
-    assert not found.holds
-    assert found.clean[0].red[0].statement == "something holds"
-    assert not found.found[0].caught
+def test_a_check_that_is_red_without_a_fault_catches_nothing(tmp_path):
+    report = carry(tmp_path, hunt([NOTHING], [Red()]))
+    assert [claim.holds for claim in report.claims] == [False, False]
+    assert "something holds" in report.claims[1].note
+    assert not report.tables["faults"].rows[0].caught
 
 
 def process(task, report):
@@ -207,18 +212,16 @@ def test_an_unknown_fault_is_a_mistake():
 
 @pytest.mark.parametrize(("fault", "code"), [(CATALOGUE["fv-leak"], 0), (NOTHING, 1)])
 def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(faults_command, "find_faults", lambda only: [fault])
-    monkeypatch.setattr(faults_command, "hunt", lambda faults, report: hunt(faults, report, [STILL]))
-    with pytest.raises(typer.Exit) as ended, in_turn():
-        faults_command.faults_command([fault.name], tmp_path, quiet=True)
-    assert ended.value.exit_code == code
+    monkeypatch.setattr(hunting, "hunt", lambda faults: hunt([fault], [STILL]))
+    monkeypatch.setattr("sys.argv", ["actin_xcheck", "faults", "--quiet", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == code
     said = capsys.readouterr().out
-    assert f"{1 - code} of 1 faults caught" in said
-    assert ("NOT CAUGHT nothing: Nothing is wrong. (1 checks stayed green)" in said) == bool(code)
-    stored = read_hunt(tmp_path / FILE_NAME)
-    (row,), (clean,) = stored.faults, stored.checks
-    assert (row.name, row.caught, clean.name, clean.red) == (fault.name, not code, STILL.name, ())
-    assert np.isnan(row.value) if code else row.value > 1e-11
+    assert f"{1 - code} of 1 deliberate faults caught" in said
+    assert (
+        "FAIL nothing [fv]: is caught: Nothing is wrong.: inf > 1 (1 checks stayed green" in said
+    ) == bool(code)
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert f"{1 - code} of 1</span> deliberate faults caught" in page
     assert fault.sentence in page
@@ -229,8 +232,8 @@ def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path
 
 @pytest.mark.slow
 @pytest.mark.nightly
-def test_every_fault_is_caught():
+def test_every_fault_is_caught(tmp_path):
     """About five minutes on two cores."""
-    found = hunt(list(CATALOGUE.values()))
-    assert [clean.check.name for clean in found.clean if clean.red] == []
-    assert {one.fault.name: one.trouble for one in found.found if not one.caught} == {}
+    with executor(2) as processes:
+        report = carry(tmp_path, hunt(list(CATALOGUE.values())), processes)
+    assert [claim.sentence for claim in report.claims if not claim.holds] == []

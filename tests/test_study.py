@@ -51,7 +51,7 @@ def squares(numbers):
     plot = Plot("plot", "Squares", "", "n", (Line("n", np.arange(2.0), np.arange(2.0)),))
     chapters = (Chapter("all", "All", "", (plot,)),)
     return Report(
-        "Squares",
+        counted([claim], "Squares"),
         "By hand.",
         {"squares": Table("Squares", [*first, *second])},
         (claim,),

@@ -13,7 +13,6 @@ from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
-from actin_xcheck.cli.faults import faults_command
 from actin_xcheck.cli.frontier import frontier_command
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
@@ -33,8 +32,6 @@ from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.studies.faults.page import write_faults_page
-from actin_xcheck.studies.faults.record import FILE_NAME as FAULTS_FILE
 from actin_xcheck.studies.frontier.page import write_frontier_page
 from actin_xcheck.studies.frontier.record import FILE_NAME as FRONTIER_FILE
 from actin_xcheck.studies.page import study_file, write_page
@@ -62,7 +59,7 @@ app.command("export")(export_command)
 app.command("frontier")(frontier_command)
 app.command("closures")(studies.closures)
 app.command("distort")(studies.distort)
-app.command("faults")(faults_command)
+app.command("faults")(studies.faults)
 app.command("extremes")(studies.extremes)
 app.command("history")(history_command)
 app.command("diff")(diff_command)
@@ -96,7 +93,6 @@ def report_command(folder: Path, json: Json = False) -> None:
         AUDIT_FILE: write_audit_page,
         CHART_FILE: write_chart_page,
         CONVERGENCE_FILE: write_convergence_page,
-        FAULTS_FILE: write_faults_page,
         FRONTIER_FILE: write_frontier_page,
         NIGHT_FILE: write_night_page,
         PREDICTIONS_FILE: write_theory_page,

@@ -90,11 +90,9 @@ def carry_out(
 
 def _say(name: str, report: "Report", page: Path, json: bool) -> None:
     """Say what a study came to; exit code 1 where a claim fails."""
-    judged = [claim for claim in report.claims if claim.judged]
-    failed = [claim for claim in judged if not claim.holds]
+    failed = [claim for claim in report.claims if claim.judged and not claim.holds]
     said = [f"FAIL {claim.sentence}" for claim in failed]
     verdicts = dict(Counter(claim.verdict for claim in report.claims))
     answer = ReportAnswer(command=name, page=str(page), verdicts=verdicts, findings=(*said, *report.findings))
-    score = f"{len(judged) - len(failed)} of {len(judged)} " if judged else ""
-    conclude(answer, f"{score}{report.title}", json)
+    conclude(answer, report.title, json)
     raise typer.Exit(1 if failed else 0)

@@ -20,7 +20,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked, replace_file
 from actin_xcheck.nightly.baseline import against
 from actin_xcheck.nightly.carry_out import Work, carry_out, work_through
-from actin_xcheck.nightly.checks import Checked, Item, control, night_long
+from actin_xcheck.nightly.checks import Checked, Item, night_long
 from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
 from actin_xcheck.nightly.groups import group_of
 from actin_xcheck.nightly.history.database import find_night, read_claims, read_nights, read_numbers
@@ -41,7 +41,7 @@ from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.hunt import Caught
+from actin_xcheck.studies.faults.hunt import control, missed
 
 Kind = TypeVar("Kind", bound=Item)
 
@@ -253,7 +253,7 @@ def _missed(kept: Kept) -> Done | None:
         return None
     passed = tuple(one.name for one in kept.done)
     why = f"missed: none of the night's {len(passed)} checks turned red"
-    claim = control(Caught(FAULTS[kept.begun.fault], "", None, 0, passed, 0.0, why))
+    claim = control(missed(FAULTS[kept.begun.fault], passed, why))
     return Done(f"fault {kept.begun.fault}", (claim,), ("",), (), 0.0)
 
 

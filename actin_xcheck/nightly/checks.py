@@ -23,7 +23,7 @@ from actin_xcheck.studies.chart.points import Point
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.checks import QUIET, Check, Compared
 from actin_xcheck.studies.faults.fault import Calls, ControlError, replaced, watched
-from actin_xcheck.studies.faults.hunt import Caught, held_against
+from actin_xcheck.studies.faults.hunt import control, held_against
 
 
 @dataclass(frozen=True)
@@ -128,34 +128,10 @@ class Control:
 
     def find(self, folder: Path) -> Found:
         """One claim: that a check turns red.  NotDecided where too few checks were run to say so."""
-        caught: Caught = held_against((FAULTS[self.fault], list(self.checks)), QUIET)
+        caught = held_against((FAULTS[self.fault], self.checks), folder)
         if not caught.caught and not self.whole:
             raise NotDecided(f"not caught by the {len(self.checks)} checks that were run before it")
         return Found((control(caught),), ("",))
-
-
-def control(caught: Caught) -> Claim:
-    """Whether a fault was caught: the bound of the claim that failed by most, in parts of its value."""
-    fault, claim, value, note = caught.fault, caught.claim, math.inf, caught.trouble
-    said = "bound over value of the claim that failed by most"
-    if claim is not None:
-        value = claim.bound / claim.value
-        if not math.isfinite(claim.value):
-            value, said = 1.0, "1, the worst of those that are caught: the claim that failed has no number"
-        failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.value:.3g} > {claim.bound:.3g}"
-        note = f"caught by {caught.check} ({failed})"
-    elif not note:
-        note = f"{len(caught.passed)} checks stayed green"
-    return Claim(
-        fault.name,
-        (fault.code,),
-        f"is caught: {fault.sentence}",
-        value,
-        1.0,
-        f"python -m actin_xcheck faults --only {fault.name}",
-        f"{groups.FAULTS}{fault.name}",
-        f"{note}; value: {said}",
-    )
 
 
 @dataclass(frozen=True)

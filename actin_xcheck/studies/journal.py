@@ -10,7 +10,7 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import asdict, is_dataclass
+from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -96,5 +96,11 @@ def key_of(work: Callable[..., Any], asked: str) -> str:
 
 
 def stated(ask: Any) -> str:
-    """A question in JSON: a dataclass of plain values, or plain values."""
-    return json.dumps(asdict(ask) if is_dataclass(ask) and not isinstance(ask, type) else ask, sort_keys=True)
+    """A question in JSON: plain values, dataclasses by class and fields, functions by their place."""
+    return json.dumps(ask, default=_plain, sort_keys=True)
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return [type(value).__qualname__, {one.name: getattr(value, one.name) for one in fields(value)}]
+    return f"{value.__module__}:{value.__qualname__}"

@@ -1,5 +1,6 @@
 """The page of a study, from its file alone: what it comes to, its claims, what it draws, its tables."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -15,6 +16,9 @@ from actin_xcheck.report.exhibit_file import read_chapters
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.journal import study_of
+
+_SCORE = re.compile(r"\d+ of \d+")
+"""What a title may begin with, and the page is coloured by."""
 
 _LONG = 40
 """Letters from which a column is one of sentences."""
@@ -62,10 +66,13 @@ def write_page(path: Path) -> Path:
         )
         for i, one in enumerate(chapters)
     ]
+    title = said.pop("title")
+    score = match.group() if (match := _SCORE.match(title)) else ""
     html = environment(path.parent).get_template("study.html")
     text = html.render(
         name=said["study"],
-        title=said.pop("title"),
+        score=score,
+        title=title[len(score) :],
         lead=said.pop("lead"),
         findings=list(said.pop("findings")),
         attributes=said,

@@ -75,8 +75,7 @@ class Report:
 
     Attributes
     ----------
-    title, lead : what the page says first, and how it was found; where there are claims, how many of them
-        hold stands before the title.
+    title, lead : what the page says first, such as `counted` makes, and how it was found.
     tables : by name.
     claims : what is judged.
     findings : sentences.
@@ -92,6 +91,12 @@ class Report:
 
 
 Study = Generator[Sequence[Task], list[Any], Report]
+
+
+def counted(claims: Sequence[Claim], words: str) -> str:
+    """A title that says how many of the claims that are judged hold."""
+    judged = [claim for claim in claims if claim.judged]
+    return f"{sum(claim.holds for claim in judged)} of {len(judged)} {words}"
 
 
 def carry_out(name: str, study: Study, folder: Path, command: str, processes: Executor, tell: Tell) -> Report:

@@ -9,7 +9,7 @@ from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.studies.extremes.attempt import Attempt, attempt
 from actin_xcheck.studies.extremes.breakdown import Breakdown, agreement, breakdowns
 from actin_xcheck.studies.extremes.plan import Trial
-from actin_xcheck.studies.study import Report, Study, Table, Task
+from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 
 PARTED = 1e-3
 """Twins that are further apart, relative, have parted."""
@@ -34,9 +34,10 @@ def extremes(trials: Sequence[Trial]) -> Study:
         f"{scene}: methods differ by {apart:.1e}, their uncertainties allow {allowed:.1e}"
         for scene, (apart, allowed) in agreed.items()
     ]
+    claims = [_claim(found, scene, *pair) for scene, pair in agreed.items()]
     note = "The root of the smallest 1 + div u, on the finest mesh; where it happens stands in the file."
     return Report(
-        "breakdown times agree between methods",
+        counted(claims, "breakdown times agree between methods"),
         _lead(attempts),
         {
             "breakdowns": Table(
@@ -44,7 +45,7 @@ def extremes(trials: Sequence[Trial]) -> Study:
             ),
             "runs": Table("Every run", attempts, "", SHOWN_RUNS),
         },
-        tuple(_claim(found, scene, *pair) for scene, pair in agreed.items()),
+        tuple(claims),
         tuple(findings),
         tuple(_twins([one for one in attempts if one.epsilon])),
     )

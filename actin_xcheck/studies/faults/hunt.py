@@ -1,24 +1,29 @@
-"""The hunt: every check once without a fault, then every fault until a check turns red.
+"""Deliberate faults: every check once without a fault, then every fault until a check turns red.
 
 The clean run tells which functions each check calls, and how long it takes.  A fault is therefore held
 against those checks alone that call its target, the quickest first, those last that it could make endless.
 """
 
+import math
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.studies.faults.checks import SUITE, Check
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, watched
+from actin_xcheck.studies.study import Report, Study, Table, Task
 
 CLEAR = 2.0
 """By how many bounds a claim must fail for the hunt to end; for less, or without a number, it looks on."""
+
+CHECK_SECONDS, FAULT_SECONDS = 4.0, 6.0
+"""What a check and a fault take, about."""
 
 
 @dataclass(frozen=True)
@@ -27,17 +32,17 @@ class Clean:
 
     Attributes
     ----------
-    check : what was run.
+    name : of the check.
     red : claims that do not hold: there must be none.
     judged : how many claims hold or do not.
     reached : targets that were called.
     seconds : how long it took.
     """
 
-    check: Check
+    name: str
     red: tuple[Claim, ...]
     judged: int
-    reached: frozenset[str]
+    reached: tuple[str, ...]
     seconds: float
 
 
@@ -47,7 +52,7 @@ class Caught:
 
     Attributes
     ----------
-    fault : what was wrong.
+    name, sentence, code, target : of the fault, see `Fault`.
     check : the check that turned red, its name; empty where none did.
     claim : the claim that failed by most; None without one.
     others : how many more claims of that check failed.
@@ -56,7 +61,10 @@ class Caught:
     trouble : why the control proves nothing; empty where it does.
     """
 
-    fault: Fault
+    name: str
+    sentence: str
+    code: str
+    target: str
     check: str
     claim: Claim | None
     others: int
@@ -70,80 +78,83 @@ class Caught:
         return self.claim is not None
 
 
-@dataclass(frozen=True)
-class Hunt:
-    """The suite without a fault and what became of every fault."""
-
-    clean: tuple[Clean, ...]
-    found: tuple[Caught, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether all was green without a fault, and red with each."""
-        return not any(one.red for one in self.clean) and all(one.caught for one in self.found)
-
-
-def hunt(
-    faults: Sequence[Fault],
-    report: Report = lambda label, done, total: None,
-    suite: Sequence[Check] = SUITE,
-) -> Hunt:
-    """Run the suite without a fault, then once for every fault until a check turns red, on all cores.
-
-    Parameters
-    ----------
-    faults : what is switched on, one at a time.
-    report : told of progress, under "without a fault" and "with a fault".
-    suite : the checks.
-
-    A fault that is not caught, or whose control proves nothing, is part of the result.
-    """
+def hunt(faults: Sequence[Fault], suite: Sequence[Check] = SUITE) -> Study:
+    """Carry the suite out without a fault, then with one fault at a time until a check turns red."""
     targets = tuple(dict.fromkeys(fault.target for fault in faults))
-    tasks = [(check, targets) for check in suite]
-    clean = work_off(_without, tasks, _counted(report, "without a fault", len(tasks)))
-    order = sorted(
-        (one for one in clean if not one.red), key=lambda one: (not one.check.bounded, one.seconds)
+    clean: list[Clean] = yield [Task(without, (check, targets), CHECK_SECONDS) for check in suite]
+    known = sorted(
+        (pair for pair in zip(suite, clean, strict=True) if not pair[1].red),
+        key=lambda pair: (not pair[0].bounded, pair[1].seconds),
     )
-    held = [(fault, [one.check for one in order if fault.target in one.reached]) for fault in faults]
-    found = work_off(held_against, held, _counted(report, "with a fault", len(held)))
-    return Hunt(tuple(clean), tuple(found))
+    caught: list[Caught] = yield [
+        Task(
+            held_against, (fault, tuple(check for check, one in known if fault.target in one.reached)),
+            FAULT_SECONDS,
+        )
+        for fault in faults
+    ]  # fmt: skip
+    controls = [control(one) for one in caught]
+    held = sum(one.caught for one in caught)
+    return Report(
+        f"{held} of {len(caught)} deliberate faults caught",
+        _LEAD,
+        {
+            "faults": Table("Faults", caught, "", ("name", "code", "target", "check", "others", "seconds")),
+            "checks": Table("The checks, without a fault", [_row(one, caught) for one in clean]),
+        },
+        (*controls, *map(_green, clean)),
+    )
 
 
-def _counted(report: Report, label: str, total: int) -> Report:
-    """Tell how many tasks are over, for tasks that report once."""
-    over: list[str] = []
+_LEAD = (
+    "Each fault replaces one function by a wrong one; the checks of the harness must turn red. All of "
+    "them were run once without a fault, when every claim must hold, and which of the functions each "
+    "calls was noted. A fault is then held against the checks that call its function, the quickest "
+    "first, until a claim fails by twice its bound or more, or there are no checks left; the claim that "
+    "failed by most is shown. A function that is never called, and a check that breaks down, prove "
+    "nothing and count as not caught."
+)
 
-    def told(task: str, done: int, parts: int) -> None:
-        over.append(task)
-        report(label, len(over), total)
 
-    return told
+@dataclass(frozen=True)
+class CleanRow:
+    """A check in the report: its claims, how many fail, and how many faults it catches."""
+
+    name: str
+    claims: int
+    red: int
+    catches: int
+    seconds: float
 
 
-def _without(task: tuple[Check, tuple[str, ...]], report: Report) -> Clean:
-    check, targets = task
+def _row(clean: Clean, caught: Sequence[Caught]) -> CleanRow:
+    catches = sum(one.check == clean.name for one in caught)
+    return CleanRow(clean.name, clean.judged, len(clean.red), catches, clean.seconds)
+
+
+def without(asked: tuple[Check, tuple[str, ...]], folder: Path) -> Clean:
+    """Carry a check out, and note which targets it calls."""
+    check, targets = asked
     began = time.perf_counter()
-    claims: list[Claim] = []
-    with watched(targets) as calls, tempfile.TemporaryDirectory() as folder:
-        claims = check.claims(Path(folder))
+    with watched(targets) as calls, tempfile.TemporaryDirectory() as scratch:
+        claims = check.claims(Path(scratch))
     judged = [claim for claim in claims if claim.judged]
-    reached = frozenset(target for target, one in calls.items() if one.count)
-    report(check.name, 1, 1)
+    reached = tuple(target for target, one in calls.items() if one.count)
     red = tuple(claim for claim in judged if not claim.holds)
-    return Clean(check, red, len(judged), reached, time.perf_counter() - began)
+    return Clean(check.name, red, len(judged), reached, time.perf_counter() - began)
 
 
-def held_against(task: tuple[Fault, list[Check]], report: Report) -> Caught:
+def held_against(asked: tuple[Fault, Sequence[Check]], folder: Path) -> Caught:
     """Return what the first of the checks that turns red with the fault says; ControlError as `injected`."""
-    fault, checks = task
+    fault, checks = asked
     began = time.perf_counter()
     trouble = "" if checks else f"no green check calls {fault.target}"
     passed: list[str] = []
-    best: Caught | None = None
+    best, where, others = None, "", 0
     for check in checks:
         try:
-            with injected(fault), tempfile.TemporaryDirectory() as folder, np.errstate(all="ignore"):
-                claims = check.claims(Path(folder))
+            with injected(fault), tempfile.TemporaryDirectory() as scratch, np.errstate(all="ignore"):
+                claims = check.claims(Path(scratch))
         except ControlError as error:
             trouble = str(error)
             break
@@ -153,13 +164,30 @@ def held_against(task: tuple[Fault, list[Check]], report: Report) -> Caught:
         red = sorted((one for one in claims if one.judged and not one.holds), key=_excess, reverse=True)
         if not red:
             passed.append(check.name)
-        elif best is None or best.claim is None or _excess(red[0]) > _excess(best.claim):
-            best = Caught(fault, check.name, red[0], len(red) - 1, (), 0.0)
+        elif best is None or _excess(red[0]) > _excess(best):
+            best, where, others = red[0], check.name, len(red) - 1
         if red and _excess(red[0]) >= (True, CLEAR):
             break
-    report(fault.name, 1, 1)
-    best = best or Caught(fault, "", None, 0, (), 0.0, trouble)
-    return replace(best, passed=tuple(passed), seconds=time.perf_counter() - began)
+    return Caught(
+        **_about(fault),
+        check=where,
+        claim=best,
+        others=others,
+        passed=tuple(passed),
+        seconds=time.perf_counter() - began,
+        trouble="" if best else trouble,
+    )
+
+
+def missed(fault: Fault, passed: tuple[str, ...], trouble: str) -> Caught:
+    """A fault that nothing has caught."""
+    return Caught(
+        **_about(fault), check="", claim=None, others=0, passed=passed, seconds=0.0, trouble=trouble
+    )
+
+
+def _about(fault: Fault) -> dict[str, Any]:
+    return {name: getattr(fault, name) for name in ("name", "sentence", "code", "target")}
 
 
 def _excess(claim: Claim) -> tuple[bool, float]:
@@ -172,3 +200,42 @@ def _excess(claim: Claim) -> tuple[bool, float]:
     if not np.isfinite(claim.value):
         return False, 0.0
     return True, claim.value / claim.bound if claim.bound else np.inf
+
+
+def control(caught: Caught) -> Claim:
+    """Whether a fault was caught: the bound of the claim that failed by most, in parts of its value."""
+    claim, value, note = caught.claim, math.inf, caught.trouble
+    said = "bound over value of the claim that failed by most"
+    if claim is not None:
+        value = claim.bound / claim.value
+        if not math.isfinite(claim.value):
+            value, said = 1.0, "1, the worst of those that are caught: the claim that failed has no number"
+        failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.value:.3g} > {claim.bound:.3g}"
+        note = f"caught by {caught.check} ({failed})"
+    elif not note:
+        note = f"{len(caught.passed)} checks stayed green"
+    return Claim(
+        scene=caught.name,
+        methods=(caught.code,),
+        statement=f"is caught: {caught.sentence}",
+        value=value,
+        bound=1.0,
+        command=f"python -m actin_xcheck faults --only {caught.name}",
+        path=f"/faults/{caught.name}",
+        note=f"{note}; value: {said}",
+    )
+
+
+def _green(clean: Clean) -> Claim:
+    """Whether a check is green without a fault: how many of its claims fail."""
+    said = "; ".join(claim.sentence for claim in clean.red)
+    return Claim(
+        scene="without a fault",
+        methods=(),
+        statement=f"{clean.name}: all of its {clean.judged} claims hold",
+        value=float(len(clean.red)),
+        bound=0.0,
+        command="python -m actin_xcheck faults",
+        path="/tables/checks",
+        note=said,
+    )
