@@ -16,7 +16,7 @@ from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies.page import study_file, write_page
-from actin_xcheck.studies.study import Report, Table, Task, answered
+from actin_xcheck.studies.study import Report, Table, Task, answered, counted
 from tests.studies import InTurn, carry
 
 
