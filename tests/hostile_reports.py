@@ -1,4 +1,4 @@
-"""Small folders of reports, to be damaged: a comparison with its run, orders, predictions."""
+"""Small folders of reports, to be damaged: a comparison with its run, orders, a study."""
 
 import functools
 import tempfile
@@ -14,8 +14,7 @@ from actin_xcheck.runs.store import provenance, write_comparison
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.studies.converge.record import Result, write_convergence
-from actin_xcheck.studies.theory.predictions import FILE_NAME as PREDICTIONS_FILE
-from actin_xcheck.studies.theory.predictions import write_predictions
+from actin_xcheck.studies.study import Report, write_report
 from actin_xcheck.verdicts.orders import observe
 
 
@@ -24,15 +23,13 @@ def a_report(kind: str) -> dict[str, bytes]:
     """The files of a report's folder by their relative names, the one that names its kind first."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        main = {"comparison": _comparison, "convergence": _convergence, "predictions": _predictions}[kind](
-            folder
-        )
+        main = {"comparison": _comparison, "convergence": _convergence, "predict": _study}[kind](folder)
         files = sorted((path for path in folder.rglob("*.*5") if path.is_file()), key=lambda one: one != main)
         files += [path for path in folder.rglob("*.vtkhdf") if path.is_file()]
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-REPORTS = ("comparison", "convergence", "predictions")
+REPORTS = ("comparison", "convergence", "predict")
 
 
 def _comparison(folder: Path) -> Path:
@@ -56,12 +53,13 @@ def _convergence(folder: Path) -> Path:
     return folder / CONVERGENCE_FILE
 
 
-def _predictions(folder: Path) -> Path:
+def _study(folder: Path) -> Path:
     x = np.linspace(1, 2, 5)
     exhibits = (
         Plot("k", "t", "n", "x", (Line("l", x, x**2),), (("m", 1.5),)),
         Picture("p", "t", np.outer(x, np.ones(9))),
         Sheet("s", "t", "n", (("a", "b"), ("1", "2"))),
     )
-    write_predictions(folder / PREDICTIONS_FILE, [Chapter("c", "t", "n", exhibits)], "predict report")
-    return folder / PREDICTIONS_FILE
+    report = Report("t", "l", findings=("f",), chapters=(Chapter("c", "t", "n", exhibits),))
+    write_report(folder / "predict.h5", "predict", report, "predict report")
+    return folder / "predict.h5"

@@ -20,11 +20,25 @@ from actin_xcheck.cli import predict
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.report.draw import draw
-from actin_xcheck.report.exhibit_file import read_exhibit, read_exhibits, write_exhibit, write_exhibits
-from actin_xcheck.report.exhibits import Chapter, Line, Picture, Plot, Regions, Sheet, Shot, Shots
-from actin_xcheck.studies.theory.page import write_theory_page
-from actin_xcheck.studies.theory.predictions import read_predictions, write_predictions
-from tests.test_cli import cli, one_line
+from actin_xcheck.report.exhibit_file import read_chapters, read_exhibits, write_exhibits
+from actin_xcheck.report.exhibits import (
+    Chapter,
+    Exhibit,
+    Line,
+    Outline,
+    Outlines,
+    Picture,
+    Plot,
+    Regions,
+    Sheet,
+    Shot,
+    Shots,
+)
+from actin_xcheck.runs.records import read_record, write_record
+from actin_xcheck.runs.store import reading
+from actin_xcheck.studies.page import write_page
+from actin_xcheck.studies.study import Report, write_report
+from actin_xcheck.studies.theory.study import Drawn
 from tests.test_report import Tags
 
 EVIL = "<script>console.error('injected')</script> & \"$\\frac{1}{2}$\" ψ̃"
@@ -44,6 +58,8 @@ def exhibits():
         Shot(f"t = {t} {EVIL}", MESH.xi * (1 + t), MESH.triangles, 1 + t * MESH.centroids[0])
         for t in (0.0, 0.1, 0.4)
     )
+    rim = np.array([np.cos(circle), np.sin(circle)])
+    rims = (Outline(f"t = 1 {EVIL}", 1.2 * rim, rim, False), Outline("lost", 1.5 * rim, rim, True))
     codes = (np.arange(60)[:, None] + np.arange(80)) // 35
     names = ("stable", EVIL, "T: w1,1", "OS: w1,1", "never")
     labels = (("stable", 0.2, 0.2), (EVIL, 1.2, 0.9))
@@ -54,6 +70,7 @@ def exhibits():
         Picture("field", f"Field {EVIL}", field),
         Picture("positive", "Positive", 1 + field**2),
         Shots("cells", f"Cells {EVIL}", f"note {EVIL}", shots),
+        Outlines("rims", f"Rims {EVIL}", f"note {EVIL}", rims),
         Regions("map", f"Map {EVIL}", f"note {EVIL}", EVIL, "p", *axes, codes, names, lines, labels),
         Regions("blank", "Blank", "", "ψ", "p", *axes, 0 * codes, ("stable",)),
         Sheet("table", f"Table {EVIL}", f"note {EVIL}", (("m", EVIL), ("0", "1.5 ± 0.5i"), (EVIL, ""))),
@@ -77,10 +94,10 @@ def same(one, other) -> bool:
 @pytest.mark.parametrize("exhibit", exhibits(), ids=lambda one: one.key)
 def test_every_exhibit_comes_back_as_it_was(tmp_path, exhibit):
     with h5py.File(tmp_path / "x.h5", "w") as file:
-        write_exhibit(file.create_group("one"), exhibit)
+        write_record(file.create_group("one"), exhibit)
     with h5py.File(tmp_path / "x.h5") as file:
         assert file["one"].attrs["class"] == type(exhibit).__name__
-        assert same(read_exhibit(file["one"]), exhibit)
+        assert same(read_record(file["one"], Exhibit), exhibit)
 
 
 def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
@@ -89,11 +106,13 @@ def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
         with pytest.raises(ValueError, match=r"two exhibits have the key 'curve'"):
             write_exhibits(file.create_group("twice"), (plot, bare, plot))
         with pytest.raises(ValueError, match="not of one length"):
-            write_exhibit(file.create_group("ragged"), Sheet("t", "t", "", (("a", "b"), ("c",))))
-        write_exhibit(file.create_group("strange"), table)
+            write_record(file.create_group("ragged"), Sheet("t", "t", "", (("a", "b"), ("c",))))
+        write_record(file.create_group("strange"), table)
         file["strange"].attrs["class"] = "Chapter"
-        with pytest.raises(ValueError, match=r"Plot, Picture, Shots, Regions, Sheet, not 'Chapter'"):
-            read_exhibit(file["strange"])
+        with pytest.raises(
+            ValueError, match=r"Plot, Picture, Shots, Outlines, Regions, Sheet, not 'Chapter'"
+        ):
+            read_record(file["strange"], Exhibit)
 
 
 def test_exhibits_keep_their_order(tmp_path):
@@ -114,23 +133,25 @@ def chapters():
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("theory")
-    write_predictions(folder / "predictions.h5", chapters(), f"python -m actin_xcheck predict report {EVIL}")
-    assert [path.name for path in folder.iterdir()] == ["predictions.h5"]
-    return write_theory_page(folder)
+    report = Report(f"Title {EVIL}", f"lead {EVIL}", findings=(EVIL,), chapters=chapters())
+    write_report(folder / "predict.h5", "predict", report, f"python -m actin_xcheck predict report {EVIL}")
+    assert [path.name for path in folder.iterdir()] == ["predict.h5"]
+    return write_page(folder / "predict.h5")
 
 
 def test_the_page_holds_every_exhibit_and_where_it_stands(page):
     text = " ".join(Tags(page).text.split())
-    stored = read_predictions(page.parent / "predictions.h5")
-    assert all(map(same, stored.chapters, chapters()))
-    for chapter in stored.chapters:
+    with reading(page.parent / "predict.h5", "report") as file:
+        stored, stated = read_chapters(file["exhibits"]), dict(file.attrs)
+    assert all(map(same, stored, chapters()))
+    for chapter in stored:
         assert " ".join(chapter.title.split()) in text
         for one in chapter.exhibits:
             assert " ".join(one.title.split()) in text
             assert f"/exhibits/{chapter.key}/{one.key}" in text
     for name in ("commit", "numpy", "platform", "schema", "date"):
-        assert str(stored.attributes[name]) in text
-    assert stored.attributes["command"] in text
+        assert str(stated[name]) in text
+    assert stated["command"] in text
     assert "never" not in text  # a region that does not occur needs no legend
 
 
@@ -152,12 +173,12 @@ def test_the_page_is_whole_in_itself(page):
     ids = [attributes["id"] for _, attributes in tags.tags if "id" in attributes]
     assert len(ids) == len(set(ids))
     links = [link for link in tags.attributes("a", "href") if not link.startswith("#")]
-    assert links == ["predictions.h5"]
+    assert links == ["predict.h5"]
 
 
 def test_the_same_file_gives_the_same_page(page):
     once = page.read_bytes()
-    assert write_theory_page(page.parent).read_bytes() == once
+    assert write_page(page.parent / "predict.h5").read_bytes() == once
 
 
 def test_maps_are_drawn_where_their_pixels_are():
@@ -176,43 +197,27 @@ def test_maps_are_drawn_where_their_pixels_are():
         assert np.allclose(seen[regions.codes == code], colour, atol=0.01)
 
 
-def test_a_folder_without_predictions_is_the_users_mistake(tmp_path, page):
-    with pytest.raises(UserError, match=r"predictions\.h5: no such file"):
-        write_theory_page(tmp_path)
-    half = page.parent.joinpath("predictions.h5").read_bytes()[:3000]
-    (tmp_path / "predictions.h5").write_bytes(half)
-    with pytest.raises(UserError, match="not a whole set of predictions"):
-        write_theory_page(tmp_path)
+def test_a_folder_without_a_report_is_the_users_mistake(tmp_path, page):
+    with pytest.raises(UserError, match=r"predict\.h5: no such file"):
+        write_page(tmp_path / "predict.h5")
+    half = page.parent.joinpath("predict.h5").read_bytes()[:3000]
+    (tmp_path / "predict.h5").write_bytes(half)
+    with pytest.raises(UserError, match="not a whole report of a study"):
+        write_page(tmp_path / "predict.h5")
 
 
 def test_nothing_half_written_is_left(tmp_path):
     twice = Chapter("same", "t", "", (exhibits()[0],) * 2)
     with pytest.raises(ValueError, match="two exhibits"):
-        write_predictions(tmp_path / "predictions.h5", (twice,), "")
+        write_report(tmp_path / "predict.h5", "predict", Report("", "", chapters=(twice,)), "")
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_a_file_and_its_page(tmp_path, monkeypatch):
-    told = []
-
-    def compute(report):
-        report("maps", 1, 2)
-        told.append(report)
-        return chapters()
-
-    monkeypatch.setattr(predict, "compute", compute)
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(predict.app, ["report", "--quiet"], catch_exceptions=False)
-    folder = Path(re.fullmatch(r"report: (reports/predict-\d{8}-\d{6})/index.html\n", done.stdout)[1])
-    assert sorted(path.name for path in folder.iterdir()) == ["index.html", "predictions.h5"]
-    assert told
-    assert done.stderr == ""
-
-
-def test_predictions_are_not_overwritten_unasked(tmp_path):
-    (tmp_path / "predictions.h5").touch()
-    one_line(cli("predict", "report", "--out", tmp_path, cwd=tmp_path), "--out", "--force")
-    one_line(cli("predict", "report", "--out", tmp_path / "predictions.h5/x", cwd=tmp_path), "--out")
+def test_exhibits_computed_together_come_back_from_a_journal(tmp_path):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        write_record(file, Drawn(exhibits()))
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert same(read_record(file, Drawn), Drawn(exhibits()))
 
 
 def test_threshold_names_the_lowest():
@@ -248,13 +253,23 @@ def test_a_browser_shows_the_page_without_a_complaint_and_within_its_window(brow
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_the_whole_report(tmp_path):
-    command = [sys.executable, "-W", "error", "-m", "actin_xcheck", "predict", "report", "--out", "r"]
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-m",
+        "actin_xcheck",
+        "predict",
+        "report",
+        "--quiet",
+        "--out",
+        "r",
+    ]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=1200, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "report: r/index.html\n"
-    stored = {
-        one.key: one for c in read_predictions(tmp_path / "r/predictions.h5").chapters for one in c.exhibits
-    }
+    assert done.stdout == "Linear theory; report: r/index.html\n"
+    with reading(tmp_path / "r/predict.h5", "report") as file:
+        stored = {one.key: one for chapter in read_chapters(file["exhibits"]) for one in chapter.exhibits}
     assert {
         "fig23a-printed",
         "fig23a-corrected",

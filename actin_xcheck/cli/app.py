@@ -35,8 +35,6 @@ from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.studies.frontier.page import write_frontier_page
 from actin_xcheck.studies.frontier.record import FILE_NAME as FRONTIER_FILE
 from actin_xcheck.studies.page import study_file, write_page
-from actin_xcheck.studies.theory.page import write_theory_page
-from actin_xcheck.studies.theory.predictions import FILE_NAME as PREDICTIONS_FILE
 
 app = typer.Typer(
     add_completion=False,
@@ -95,7 +93,6 @@ def report_command(folder: Path, json: Json = False) -> None:
         CONVERGENCE_FILE: write_convergence_page,
         FRONTIER_FILE: write_frontier_page,
         NIGHT_FILE: write_night_page,
-        PREDICTIONS_FILE: write_theory_page,
     }
     write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
     try:

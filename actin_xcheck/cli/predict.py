@@ -3,22 +3,20 @@
 import json
 import math
 import re
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
-from actin_xcheck.cli.output import ReportAnswer, conclude
-from actin_xcheck.cli.progress import Progress
+from actin_xcheck.cli.conduct import study_command
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.studies.theory.page import write_theory_page
-from actin_xcheck.studies.theory.predictions import FILE_NAME, compute, write_predictions
 from actin_xcheck.theory import DiskModes, lowest, threshold
+
+if TYPE_CHECKING:
+    from actin_xcheck.studies.study import Study
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -110,24 +108,12 @@ def threshold_command(
 
 
 @app.command("report")
-def report_command(
-    out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Curves, modes, maps, thresholds and errata, as predictions.h5 and a page; takes a few minutes."""
-    folder = report_folder(out_dir, "predict")
-    if (folder / FILE_NAME).exists() and not force:
-        raise UserError(f"--out: {folder} holds predictions already; valid: another folder, or --force")
-    make_folder(folder)
-    for stale in (FILE_NAME, "index.html"):  # a page must never stand beside a file it is not made of
-        (folder / stale).unlink(missing_ok=True)
-    with Progress(quiet) as progress:
-        chapters = compute(progress.report)
-    write_predictions(folder / FILE_NAME, chapters, command())
-    page = write_theory_page(folder)
-    conclude(ReportAnswer(command="predict report", page=str(page)), "", as_json)
+@study_command("predict")
+def report() -> "Study":
+    """Curves, modes, maps, thresholds and errata, as predict.h5 and a page; takes a few minutes."""
+    from actin_xcheck.studies.theory.study import atlas
+
+    return atlas()
 
 
 def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:

@@ -1,34 +1,11 @@
 """Exhibits in HDF5: one group each, in the words of `exhibits.py`, with the class in an attribute."""
 
 from collections.abc import Iterable
-from typing import cast, get_args
 
 import h5py
 
 from actin_xcheck.report.exhibits import Chapter, Exhibit
 from actin_xcheck.runs.records import read_record, write_record
-
-_KINDS = {kind.__name__: kind for kind in get_args(Exhibit)}
-
-
-def write_exhibit(group: h5py.Group, exhibit: Exhibit) -> None:
-    """Write an exhibit into an empty group."""
-    group.attrs["class"] = type(exhibit).__name__
-    write_record(group, exhibit)
-
-
-def read_exhibit(group: h5py.Group) -> Exhibit:
-    """Return the exhibit in a group.
-
-    Raises
-    ------
-    ValueError : the group states no class of `exhibits.py`.
-    KeyError : a field is missing.
-    """
-    name = str(group.attrs.get("class", "nothing"))
-    if name not in _KINDS:
-        raise ValueError(f"{group.name}: an exhibit is one of {', '.join(_KINDS)}, not {name!r}")
-    return cast(Exhibit, read_record(group, _KINDS[name]))
 
 
 def write_exhibits(group: h5py.Group, exhibits: Iterable[Exhibit]) -> None:
@@ -39,12 +16,12 @@ def write_exhibits(group: h5py.Group, exhibits: Iterable[Exhibit]) -> None:
     for exhibit in exhibits:
         if exhibit.key in group:
             raise ValueError(f"{group.name}: two exhibits have the key {exhibit.key!r}")
-        write_exhibit(group.create_group(exhibit.key, track_order=True), exhibit)
+        write_record(group.create_group(exhibit.key, track_order=True), exhibit)
 
 
 def read_exhibits(group: h5py.Group) -> tuple[Exhibit, ...]:
     """Return the exhibits of a group (made with `track_order`) in the order in which they were written."""
-    return tuple(read_exhibit(one) for one in group.values())
+    return tuple(read_record(one, Exhibit) for one in group.values())
 
 
 def write_chapters(group: h5py.Group, chapters: Iterable[Chapter]) -> None:

@@ -24,16 +24,26 @@ _PLAIN = (str, bool, int, float, Path)
 
 
 def write_record(group: h5py.Group, record: Any) -> None:
-    """Write a dataclass into an empty group."""
+    """Write a dataclass into an empty group, its class in the attribute `class`."""
+    group.attrs["class"] = type(record).__name__
     hints = get_type_hints(type(record))
     for field in fields(record):
         _put(group, field.name, hints[field.name], getattr(record, field.name))
 
 
-def read_record(group: h5py.Group, kind: type[Record]) -> Record:
-    """Return the dataclass of class `kind` in a group; KeyError where a field is missing."""
+def read_record(group: h5py.Group, kind: Any) -> Any:
+    """Return the dataclass in a group, of class `kind` or of one in a union of them.
+
+    KeyError where a field is missing, ValueError where the group states a class that is not in the union.
+    """
+    if get_origin(kind) is UnionType:
+        kinds = {one.__name__: one for one in get_args(kind)}
+        name = str(group.attrs.get("class", "nothing"))
+        if name not in kinds:
+            raise ValueError(f"{group.name}: the class is one of {', '.join(kinds)}, not {name!r}")
+        kind = kinds[name]
     hints = get_type_hints(kind)
-    return kind(**{field.name: _get(group, field.name, hints[field.name]) for field in fields(kind)})  # type: ignore[arg-type]
+    return kind(**{field.name: _get(group, field.name, hints[field.name]) for field in fields(kind)})
 
 
 def write_table(group: h5py.Group, rows: Sequence[Any]) -> None:
@@ -77,7 +87,7 @@ def _is_text(hint: type) -> bool:
 
 def _put(group: h5py.Group, name: str, hint: Any, value: Any) -> None:
     """Write one field of the type `hint`."""
-    if get_origin(hint) is UnionType:  # X | None
+    if type(None) in get_args(hint):  # X | None
         if value is not None:
             _put(group, name, get_args(hint)[0], value)
     elif _is_plain(hint):
@@ -115,14 +125,14 @@ def _put_tuple(group: h5py.Group, name: str, item: Any, value: Any) -> None:
 
 def _get(group: h5py.Group, name: str, hint: Any) -> Any:
     """Read one field of the type `hint`."""
-    if get_origin(hint) is UnionType:
+    if type(None) in get_args(hint):
         hint = get_args(hint)[0]
         if name not in group and name not in group.attrs:
             return None
     if _is_plain(hint):
         return hint(group.attrs[name])
     if is_dataclass(hint):
-        return read_record(group[name], hint)  # type: ignore[arg-type]
+        return read_record(group[name], hint)
     if get_origin(hint) is not tuple:
         return whole(group, name)
     return _get_tuple(group[name], get_args(hint)[0])

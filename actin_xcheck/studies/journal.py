@@ -77,18 +77,6 @@ class Journal:
             raise UserError(f"{self.path}: not a journal that can be written ({error})") from error
 
 
-def study_of(folder: Path) -> str | None:
-    """The name of the study whose answers lie in a folder; None where there are none."""
-    if not (folder / FILE_NAME).exists():
-        return None
-    try:
-        with closing(sqlite3.connect(folder / FILE_NAME, timeout=_TIMEOUT)) as rows:
-            found = rows.execute("SELECT name FROM study").fetchone()
-    except sqlite3.Error:
-        return None
-    return None if found is None else str(found[0])
-
-
 def key_of(work: Callable[..., Any], asked: str) -> str:
     """The key of an answer: what is asked of which function of which code."""
     text = json.dumps([work.__module__, work.__qualname__, asked, code()])

@@ -15,7 +15,6 @@ from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibit_file import read_chapters
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
-from actin_xcheck.studies.journal import study_of
 
 _SCORE = re.compile(r"\d+ of \d+")
 """What a title may begin with, and the page is coloured by."""
@@ -86,9 +85,16 @@ def write_page(path: Path) -> Path:
 
 
 def study_file(folder: Path) -> Path | None:
-    """The file of the study whose answers lie in a folder; None where there is no study or no file of it."""
-    name = study_of(folder)
-    return folder / f"{name}.h5" if name and (folder / f"{name}.h5").exists() else None
+    """The file of a study in a folder, or one that cannot be opened and may be it; None without either."""
+    broken = None
+    for path in sorted(Path(folder).glob("*.h5")):
+        try:
+            with h5py.File(path) as file:
+                if "study" in file.attrs:
+                    return path
+        except Exception:  # the library has its own for every way in which a file can be damaged
+            broken = path
+    return broken
 
 
 def _shown(name: str, group: h5py.Group) -> Shown:

@@ -1,7 +1,5 @@
 """Fig. 23a: the (psi, p) plane by what the marginal mode does: printed, corrected and for the moving cell."""
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.ndimage import distance_transform_edt, minimum_filter
 
@@ -24,27 +22,24 @@ _FIRST_BAND = 3
 _LETTER, _LINE = 5.6, 13
 """Width of a letter and height of a line in pixels, as reports draw maps."""
 
-Report = Callable[[str, int, int], None]
-"""Told of a label, steps done and steps in all."""
-
 _CELLS = (Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE)
 _TABLED = (0.26, 0.8)
 """Pressures at which both delta are compared: Table 4's, and that of the article's walk through Fig. 23a."""
 
 
-def maps(report: Report = lambda *_: None) -> list[Regions]:
-    """Return Fig. 23a's four versions for delta = 1: (3.6) printed and corrected, and two moving cells.
+def maps() -> list[Regions]:
+    """Return Fig. 23a's four versions for delta = 1: (3.6) printed and corrected, and two moving cells."""
+    return [map_of(key) for key in versions()]
 
-    ArithmeticError where a map would contradict the argument principle.
+
+def map_of(key: str) -> Regions:
+    """Return the version of Fig. 23a with this key, see `versions`.
+
+    ArithmeticError where the map would contradict the argument principle.
     """
-    psi, p = centres(PSI_MAX), centres(P_MAX)
-    made = []
-    for step, (key, title, note, model, version) in enumerate(_versions()):
-        report("maps", step, 4)
-        branches = branches_of(model, p, version)
-        made.append(_map(key, title, note, (psi, p), branches, stiffnesses(model, p, version)))
-    report("maps", 4, 4)
-    return made
+    (title, note, model, version), (psi, p) = versions()[key], (centres(PSI_MAX), centres(P_MAX))
+    branches = branches_of(model, p, version)
+    return _map(key, title, note, (psi, p), branches, stiffnesses(model, p, version))
 
 
 def centres(largest: float) -> Array:
@@ -66,7 +61,8 @@ def _plane(closure: Closure, delta: Delta = Delta.FULL) -> Model:
     return Model(Parameters(0.0, 0.0), closure=closure, delta=delta)
 
 
-def _versions() -> list[tuple[str, str, str, Model, Version]]:
+def versions() -> dict[str, tuple[str, str, Model, Version]]:
+    """Title, note, model and equations of each version of Fig. 23a, by its key."""
     wall = _plane(Closure.IRROTATIONAL_WALL)
     void = "beyond p = 1.167 infinitely many modes grow for every ψ, however small"
     exact = (
@@ -74,20 +70,20 @@ def _versions() -> list[tuple[str, str, str, Model, Version]]:
         "held against the argument principle; " + void
     )
     printed = "δ = 1; beyond p = 1.75, outside the map, infinitely many modes would grow"
-    return [
-        ("fig23a-printed", "Fig. 23a as printed: (3.6) with (3.8)", printed, wall, Version.AS_PRINTED),
-        (
-            "fig23a-corrected",
+    corrected = f"δ = 1, exact on a static disk with an irrotational wall; {void}"
+    return {
+        "fig23a-printed": ("Fig. 23a as printed: (3.6) with (3.8)", printed, wall, Version.AS_PRINTED),
+        "fig23a-corrected": (
             "Fig. 23a corrected: (3.6), arctan a expanded about 1",
-            f"δ = 1, exact on a static disk with an irrotational wall; {void}",
+            corrected,
             wall,
             Version.CORRECTED,
         ),
-        *(
-            (f"fig23a-{cell}", f"The moving cell, {cell}", f"δ = 1; {exact}", _plane(cell), Version.CORRECTED)
+        **{
+            f"fig23a-{cell}": (f"The moving cell, {cell}", f"δ = 1; {exact}", _plane(cell), Version.CORRECTED)
             for cell in _CELLS
-        ),
-    ]
+        },
+    }
 
 
 def _map(
