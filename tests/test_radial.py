@@ -16,8 +16,8 @@ from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.theory import eigenfield, wavenumber
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.radial import Radial
-from fem.radial_space import Ray
+from fem.reduced.radial import Radial
+from fem.reduced.radial_space import Ray
 from tests.lab import Film, local_orders
 
 MESH = disk(3, 0.8)

@@ -15,11 +15,11 @@ from actin_xcheck.runs.march import Tolerance, integrate
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.measures import measure, orientation
-from fem.quality import SLIVER, shapes, soundness
-from fem.remesh import NoMesh, edge_of, remeshed
-from fem.remesh_space import Rebalanced, new_mesh
-from fem.remesh_transfer import Reading, projected
-from fem.remeshing import RemeshedState, Remeshing
+from fem.remesh.quality import SLIVER, shapes, soundness
+from fem.remesh.remeshing import RemeshedState, Remeshing
+from fem.remesh.space import Rebalanced, new_mesh
+from fem.remesh.transfer import Reading, projected
+from fem.remesh.triangulation import NoMesh, edge_of, remeshed
 from fem.space import Space
 from tests.lab import local_orders
 

@@ -20,7 +20,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
-from fem.remeshing import Remeshing
+from fem.remesh.remeshing import Remeshing
 from tests.kills import FRONTS, QUICK, ROUND, Kind, bits, go
 from tests.lab import Film
 

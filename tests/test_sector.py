@@ -20,7 +20,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.symmetry import departure
 from fem import boundary
 from fem.force_balance import ForceBalance
-from fem.sector import Unfolded
+from fem.reduced.sector import Unfolded
 from tests.lab import Film, film_of, scene_of
 
 FIG14 = load_scene("fig14-four-fronts")

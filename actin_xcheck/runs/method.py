@@ -18,25 +18,25 @@ ENTRY_POINTS = "actin_xcheck.methods"
 FORCE_BALANCE = "fem.force_balance:ForceBalance"
 """The one Mechanics that solves the force balance; finite volumes borrow it."""
 
-RADIAL = "fem.radial:Radial"
+RADIAL = "fem.reduced.radial:Radial"
 """One ray of an axisymmetric cell."""
 
-SECTOR = "fem.sector:Unfolded"
+SECTOR = "fem.reduced.sector:Unfolded"
 """A sector between mirror lines, seen as the whole cell."""
 
-MODAL = "fem.modal:Modal"
+MODAL = "fem.reduced.modal:Modal"
 """The linear modes of the rest state."""
 
-HAND_OVER = "fem.handover:HandOver"
+HAND_OVER = "fem.reduced.handover:HandOver"
 """These, then a solver of the whole model."""
 
-SPECTRUM = "fem.spectrum:Spectrum"
+SPECTRUM = "fem.reduced.spectrum:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
 
-REMESHING = "fem.remeshing:Remeshing"
+REMESHING = "fem.remesh.remeshing:Remeshing"
 """Curved elements whose mesh is replaced when it is about to fold."""
 
-SHAPES, SOUNDNESS = "fem.quality:shapes", "fem.quality:soundness"
+SHAPES, SOUNDNESS = "fem.remesh.quality:shapes", "fem.remesh.quality:soundness"
 """The shape of a mesh's cells, and whether it is about to fold."""
 
 

@@ -25,7 +25,7 @@ from actin_xcheck.core.model import Array, Closure, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from fem.radial_space import Canvas, Ray
+from fem.reduced.radial_space import Canvas, Ray
 from fem.tableaux import TABLEAUX
 
 AROUND = 2 * np.pi * np.arange(16) / 16

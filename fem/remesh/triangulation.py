@@ -14,9 +14,9 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from actin_xcheck.core.mesh import Indices, Mesh, signed_areas
 from actin_xcheck.core.model import Array
-from fem.quality import SLIVER, shapes
-from fem.remesh_space import new_mesh, pulled_back
-from fem.remesh_transfer import Reading
+from fem.remesh.quality import SLIVER, shapes
+from fem.remesh.space import new_mesh, pulled_back
+from fem.remesh.transfer import Reading
 from fem.space import Space
 
 FINE = 8

@@ -18,8 +18,8 @@ from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from fem.radial_modes import AngularMode, slopes
-from fem.radial_space import Canvas, Ray
+from fem.reduced.radial_modes import AngularMode, slopes
+from fem.reduced.radial_space import Canvas, Ray
 
 ComplexArray = NDArray[np.complex128]
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
-from fem.radial_space import Ray
+from fem.reduced.radial_space import Ray
 
 
 def slopes(model: Model, a: float = 1.0, dilation: float = 0.0) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh
 from actin_xcheck.core.model import Array, Model
 from fem.element import lagrange
 from fem.force_balance import ForceBalance
-from fem.remesh_transfer import Reading
+from fem.remesh.transfer import Reading
 from fem.space import Space
 
 

@@ -8,7 +8,7 @@ from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import Outcome
-from fem.modal import Modal, ModalState
+from fem.reduced.modal import Modal, ModalState
 
 
 class HandOver:

@@ -16,10 +16,10 @@ from fem.force_balance import ForceBalance
 from fem.frames import Lattice
 from fem.imex import FemImex, ImexState
 from fem.measures import cell_means, measure
-from fem.quality import SLIVER, shapes
-from fem.remesh import NoMesh, edge_of, remeshed
-from fem.remesh_space import Rebalanced, new_mesh, placed_space
-from fem.remesh_transfer import Reading, projected
+from fem.remesh.quality import SLIVER, shapes
+from fem.remesh.space import Rebalanced, new_mesh, placed_space
+from fem.remesh.transfer import Reading, projected
+from fem.remesh.triangulation import NoMesh, edge_of, remeshed
 from fem.space import Space
 
 LESS = 0.8

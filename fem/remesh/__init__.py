@@ -1,0 +1,1 @@
+"""A mesh that is about to fold, replaced."""
