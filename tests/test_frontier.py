@@ -7,12 +7,10 @@ import pytest
 
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import parse_scene
-from actin_xcheck.studies.frontier import answers
 from actin_xcheck.studies.frontier import planes as planning
-from actin_xcheck.studies.frontier.answers import BOUND, Truth, answer_of, truth_of
+from actin_xcheck.studies.frontier.answers import BOUND, Converged, Truth, answer_of, truth_of
 from actin_xcheck.studies.frontier.bisection import Bisection
 from actin_xcheck.studies.frontier.classes import Kind, judge
 from actin_xcheck.studies.frontier.planes import PLANES, end_at, plane_of, point_of
@@ -206,13 +204,12 @@ end = 0.05526
 """
 
 
-def test_where_the_model_ends_completing_is_wrong_and_failing_is_right(monkeypatch):
-    monkeypatch.setattr(answers, "TRUTH_LEVELS", LEVELS[:2])
+def test_where_the_model_ends_completing_is_wrong_and_failing_is_right(tmp_path):
     scene = parse_scene(MODEL_ENDS, "ends.toml")
     points = [replace(point_of(scene, METHODS[FEM], {}), refine=3, steps=steps) for steps in (1, 400)]
-    truth = truth_of(points[0].scene)
+    truth = truth_of(Converged(points[0].scene, (0, 2)), tmp_path)
     assert truth.answer.ending == "singular_dilation"
     assert truth.known
     assert truth.answer.t == pytest.approx(0.0411, rel=0.01)
-    kinds = [judge(point, answer_of(point), truth).kind for point in points]
+    kinds = [judge(point, answer_of(point, tmp_path), truth).kind for point in points]
     assert kinds == [Kind.SILENT, Kind.ENDS]

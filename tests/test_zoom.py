@@ -18,10 +18,10 @@ from actin_xcheck.runs.store import read_comparison
 from actin_xcheck.studies.chart import examine as charting
 from actin_xcheck.studies.chart import points as planning
 from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.frontier import examine as frontier
-from actin_xcheck.studies.frontier.page import write_frontier_page
+from actin_xcheck.studies.page import write_page
 from tests.chromium import Browser
-from tests.frontiers import FIG14, METHODS_SHOWN, in_process, shrink
+from tests.frontiers import small
+from tests.studies import carry
 from tests.test_dashboard import click, press
 from tests.test_report import write_comparison_of_everything
 
@@ -50,10 +50,8 @@ def page_of(tmp_path_factory: pytest.TempPathFactory) -> Pages:
                 monkeypatch.setattr(charting, "reference_kernel", lambda: np.array([0.05, 0.05]))
                 chart_command("static-decay", ["fem-p1-imex2"], folder, True, True)
             else:
-                shrink(monkeypatch)
-                in_process(monkeypatch)
-                frontier.examine(FIG14, METHODS_SHOWN, ["psi,dt"], folder, "a command", 1)
-                write_frontier_page(folder)
+                carry(folder, small(), name="frontier")
+                write_page(folder / "frontier.h5")
         return folder / "index.html"
 
     return made

@@ -13,7 +13,6 @@ from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
-from actin_xcheck.cli.frontier import frontier_command
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
@@ -32,8 +31,6 @@ from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.studies.frontier.page import write_frontier_page
-from actin_xcheck.studies.frontier.record import FILE_NAME as FRONTIER_FILE
 from actin_xcheck.studies.page import study_file, write_page
 
 app = typer.Typer(
@@ -54,7 +51,7 @@ app.command("chart")(chart_command)
 app.command("sweep")(sweep_command)
 app.command("render")(render_command)
 app.command("export")(export_command)
-app.command("frontier")(frontier_command)
+app.command("frontier")(studies.frontier)
 app.command("closures")(studies.closures)
 app.command("distort")(studies.distort)
 app.command("faults")(studies.faults)
@@ -91,7 +88,6 @@ def report_command(folder: Path, json: Json = False) -> None:
         AUDIT_FILE: write_audit_page,
         CHART_FILE: write_chart_page,
         CONVERGENCE_FILE: write_convergence_page,
-        FRONTIER_FILE: write_frontier_page,
         NIGHT_FILE: write_night_page,
     }
     write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)

@@ -3,7 +3,9 @@
 Options that all of them have stand in `conduct.py`.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from actin_xcheck.cli.conduct import Methods, Only, Scenes, study_command
 
@@ -96,3 +98,36 @@ def faults(only: Only = None) -> "Study":
     from actin_xcheck.studies.faults.hunt import hunt
 
     return hunt(find_faults(only))
+
+
+FRONTIER_METHODS = ("fem-p1-paper", "fem-p4-imex4", "fv-coupled")
+
+
+@study_command("frontier")
+def frontier(
+    scene: Annotated[
+        str, typer.Option(help="A shipped name or the path of a TOML file.")
+    ] = "fig14-four-fronts",
+    over: Annotated[
+        list[str] | None,
+        typer.Option(help="One of psi,dt psi,h dt,h psi,p; may be given more than once."),
+    ] = None,
+    methods: Methods = None,
+) -> "Study":
+    """Find, per method, the borders between runs that are accurate, silently wrong, and failing.
+
+    Every run is held against a converged one; borders are found by bisection.  Default: Fig. 14 over psi and
+    dt with the article's scheme, the best finite elements and the finite volumes (about five minutes).
+    """
+    from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.frontier.planes import PLANES, check, plane_of
+    from actin_xcheck.studies.frontier.study import frontier as study
+
+    loaded = load_scene(scene)
+    check(loaded)
+    chosen = find_methods(methods or FRONTIER_METHODS)
+    planes = [
+        (method, plane_of(name, method)) for name in dict.fromkeys(over or PLANES[:1]) for method in chosen
+    ]
+    return study(loaded, planes)

@@ -24,7 +24,6 @@ from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.studies.chart import record as charting
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.frontier import record as frontier
 
 EVENTS = 60
 """Changes on the page at most; `history --steps` has them all."""
@@ -33,7 +32,7 @@ EVENTS = 60
 THUMBNAIL = 60
 """Dots per inch of a scene's picture on the page of a night, twice fewer than in its film strip."""
 
-_SURVEYS = {"Error against work": charting.FILE_NAME, "Where methods fail": frontier.FILE_NAME}
+_SURVEYS = {"Error against work": charting.FILE_NAME, "Where methods fail": "frontier.h5"}
 """Reports that stand beside the nights, by the file each is made from."""
 
 

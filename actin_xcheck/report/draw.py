@@ -15,6 +15,7 @@ from matplotlib.ticker import LogLocator
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.cells import OUTLINE, Brush, Canvas, ColourBar, Panel, colours, window
 from actin_xcheck.report.exhibits import (
+    Classes,
     Exhibit,
     Line,
     Outline,
@@ -25,6 +26,7 @@ from actin_xcheck.report.exhibits import (
     Sheet,
     Shots,
 )
+from actin_xcheck.report.lattice import Divided, divided
 from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
 
 _BANDS = (
@@ -59,12 +61,13 @@ class Drawing:
 
     Attributes
     ----------
-    kind : "plot", "picture", "shots", "outlines", "regions" or "sheet".
+    kind : "plot", "picture", "shots", "outlines", "classes", "regions" or "sheet".
     title, note : text.
     path : where its numbers stand in the file.
     svg : an inline drawing that holds no markup but its own, or empty.
     panels : pictures with their titles.
     outlines : rims, each with its polygons in a drawing of 100 x 100.
+    divided : a plane and its classes.
     bars, legend : what the colours and lines mean.
     rows : of a table, header first; `numeric` says which columns hold numbers.
     """
@@ -76,6 +79,7 @@ class Drawing:
     svg: str = ""
     panels: tuple[tuple[str, Panel], ...] = ()
     outlines: tuple[tuple[Outline, str, str], ...] = ()
+    divided: Divided | None = None
     bars: tuple[ColourBar, ...] = ()
     legend: tuple[Key, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
@@ -94,6 +98,8 @@ def draw(exhibit: Exhibit, path: str, prefix: str) -> Drawing:
         case Outlines():
             outlines = tuple((one, _polygon(one.points), _polygon(one.due)) for one in exhibit.outlines)
             return Drawing("outlines", exhibit.title, exhibit.note, path, outlines=outlines)
+        case Classes():
+            return Drawing("classes", exhibit.title, exhibit.note, path, divided=divided(exhibit))
         case Regions():
             return _regions(exhibit, path, prefix)
         case Sheet():

@@ -108,6 +108,36 @@ class Regions:
     labels: tuple[tuple[str, float, float], ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Places of a lattice along one of its directions: values (n,), by their logarithm where that is said."""
+
+    label: str
+    values: Array
+    log: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """A plane divided by classes of the points of a lattice.
+
+    nodes (2, n) are columns and rows of the points that are known, `classes` and `sentences` what they are
+    and what is said of each; cells (n_cells, 4) are rectangles of the lattice by their first and last column,
+    first and last row, which take the classes of their corners.  `lines` are curves drawn over it, in values.
+    """
+
+    key: str
+    title: str
+    note: str
+    x: Places
+    y: Places
+    nodes: Indices
+    classes: tuple[str, ...]
+    sentences: tuple[str, ...]
+    cells: Indices
+    lines: tuple[Line, ...]
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A table of text, header first."""
@@ -118,7 +148,7 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
 
 
-Exhibit = Plot | Picture | Shots | Outlines | Regions | Sheet
+Exhibit = Plot | Picture | Shots | Outlines | Regions | Classes | Sheet
 
 
 @dataclass(frozen=True)

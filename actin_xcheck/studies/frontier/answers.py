@@ -4,12 +4,14 @@ import time
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from actin_xcheck.core.contract import Probes, State
+from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.accuracy import LEVELS, estimated
+from actin_xcheck.runs.accuracy import LEVELS, Level, estimated
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.run import bind
@@ -23,8 +25,8 @@ BOUND = 1e-2
 TIME_BOUND = 0.1
 """Where the model ends, the largest relative error of the time at which a run says so."""
 
-TRUTH_LEVELS = LEVELS[1:4]
-"""Levels of the converged runs; each but the first is held against the one before."""
+TRUTH_LEVELS = (1, 4)
+"""Which of `LEVELS` converged runs are made on, the first and one behind; each is held against the last."""
 
 TRUTH_SHARE = 0.1
 """Of a bound, the part that may be left to the truth's own uncertainty before a finer level is tried."""
@@ -89,10 +91,15 @@ class Truth:
         return ended and self.uncertainty <= TRUTH_MOST * self.bound
 
 
-def lost(why: str) -> Answer:
-    """The answer of a run whose process ended under it: a failure of which nothing else is known."""
+def lost_answer(asked: object, why: str) -> Answer:
+    """The answer of a run whose processes ended under it: a failure of which nothing else is known."""
     nan = float("nan")
     return Answer(str(Ending.INTERRUPTED), why, nan, nan, nan, (), (), nan)
+
+
+def lost_truth(asked: "Converged", why: str) -> Truth:
+    """The same of a converged run: a truth that decides nothing."""
+    return Truth(lost_answer(asked, why), "", float("nan"))
 
 
 ERRORS = ("area", "total_actin", "a", "x")
@@ -111,30 +118,43 @@ def errors_between(answer: Answer, truth: Answer) -> tuple[float, ...]:
     )
 
 
-def answer_of(point: Point) -> Answer:
-    """Run a point in memory with equal steps."""
+def answer_of(point: Point, folder: Path) -> Answer:
+    """Run a point in memory with equal steps, and leave its scene, which the point's command names."""
+    file = folder / point.file
+    file.parent.mkdir(exist_ok=True)
+    replace_file(file, point.scene.encode())
     return _run(point.scene, point.method, point.refine, point.dt, None)
 
 
-def truth_of(scene: str) -> Truth:
-    """Run a scene (TOML) on finer and finer levels until two agree to `TRUTH_SHARE` of the bound."""
+@dataclass(frozen=True)
+class Converged:
+    """A scene (TOML) whose truth is asked for, by which of `accuracy.LEVELS`: the first and one behind."""
+
+    scene: str
+    levels: tuple[int, int] = TRUTH_LEVELS
+
+
+def truth_of(asked: Converged, folder: Path) -> Truth:
+    """Run a scene on finer and finer levels until two agree to `TRUTH_SHARE` of the bound."""
     answers: list[Answer] = []
     truth: Truth | None = None
-    for level in TRUTH_LEVELS:
-        answers.append(_run(scene, level.method.name, level.refine, None, level.rtol))
+    first, behind = asked.levels
+    levels = LEVELS[first:behind]
+    for level in levels:
+        answers.append(_run(asked.scene, level.method.name, level.refine, None, level.rtol))
         if len(answers) > 1:
             words = f"{level.method.name}, refine {level.refine}, rtol {level.rtol:g}"
-            truth = Truth(answers[-1], words, _uncertainty(answers))
+            truth = Truth(answers[-1], words, _uncertainty(answers, levels))
             if truth.uncertainty <= TRUTH_SHARE * truth.bound:
                 break
     assert truth is not None
     return truth
 
 
-def _uncertainty(answers: Sequence[Answer]) -> float:
+def _uncertainty(answers: Sequence[Answer], levels: Sequence[Level]) -> float:
     """Of the last level, by the changes to it and to those before."""
     changes = [_change(one, other) for one, other in pairwise(answers)]
-    return estimated(changes, [level.share for level in TRUTH_LEVELS[1 : len(answers)]])
+    return estimated(changes, [level.share for level in levels[1 : len(answers)]])
 
 
 def _change(coarse: Answer, fine: Answer) -> float:

@@ -14,7 +14,7 @@ import tomli_w
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory import sigma_prime
 
@@ -110,10 +110,22 @@ class Point:
         return self.steps <= MOST_STEPS
 
     @property
+    def file(self) -> str:
+        """Where its scene lies in the report's folder."""
+        return f"scenes/{self.name}.toml"
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes."""
+        method, cells = find_method(self.method), 4.0 ** (self.refine - REFINE)
+        per_step = (1 + 2.5 * (method.order_dt - 1)) * (1 if method.family == "fem" else 3)
+        return 4e-3 * self.steps * per_step * cells * method.space**2
+
+    @property
     def command(self) -> str:
         """What makes the run again, from the folder of the report."""
         return (
-            f"python -m actin_xcheck run scenes/{self.name}.toml --method {self.method} "
+            f"python -m actin_xcheck run {self.file} --method {self.method} "
             f"--refine {self.refine} --dt {self.dt!r} --fidelity full --out point.vtkhdf"
         )
 
@@ -157,12 +169,12 @@ def end_at(scene: Scene, psi: float) -> float:
     return scene.time.end * pace(scene, scene.parameters.psi) / pace(scene, psi)
 
 
-def point_of(scene: Scene, method: Method, given: dict[str, float]) -> Point:
-    """Return the run at coordinates of a plane; what is not given is the scene's, `REFINE` or `STEPS`."""
+def point_of(scene: Scene, method: Method, given: dict[str, float], refine: int = REFINE) -> Point:
+    """Return the run at coordinates of a plane; what is not given is the scene's, `refine` or `STEPS`."""
     psi, p = given.get("psi", scene.parameters.psi), given.get("p", scene.parameters.p)
     end = float(f"{end_at(scene, psi):.9g}")
     name = f"{scene.name[:40]}--psi-{psi:.6g}--p-{p:.6g}"
-    refine = round(-math.log2(given["h"])) if "h" in given else layers(REFINE, method)
+    refine = round(-math.log2(given["h"])) if "h" in given else layers(refine, method)
     steps = math.ceil(end / given["dt"] * (1 - 1e-9)) if "dt" in given else STEPS
     text = _moved(scene, name, psi, p, end)
     return Point(text, name, psi, p, end, method.name, refine, max(steps, 1))

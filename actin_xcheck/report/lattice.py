@@ -1,31 +1,34 @@
-"""The page of a frontier report, from `frontier.h5` alone."""
+"""Planes divided by the classes of their points, as drawings that say of every point what it is."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from itertools import product
 
 import numpy as np
 
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.report.draw import draw
-from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.exhibits import Classes, Places
 from actin_xcheck.report.svg import axes_data
-from actin_xcheck.studies.frontier.bisection import Cell, Node
-from actin_xcheck.studies.frontier.classes import Kind
-from actin_xcheck.studies.frontier.planes import Axis
-from actin_xcheck.studies.frontier.record import FILE_NAME, Map, Row, read_frontier
+
+Node = tuple[int, int]
+"""Column and row."""
+
+Box = tuple[float, float, float, float]
+"""Left, right, bottom and top, in places of the lattice."""
 
 FRAME = {"width": 420, "height": 330, "left": 46, "right": 404, "top": 8, "bottom": 292}
 """A drawing and, within it, its axes: right and down."""
 
 _COLOURS = {
-    str(Kind.ACCURATE): "#3f9b6f",
-    str(Kind.SILENT): "#e8743b",
-    str(Kind.ENDS): "#8b95a5",
-    str(Kind.UNKNOWN): "#d9d3c0",
-    str(Kind.NOT_RUN): "var(--line)",
+    "accurate": "#3f9b6f",
+    "silently wrong": "#e8743b",
+    "ends with the model": "#8b95a5",
+    "truth unknown": "#d9d3c0",
+    "not run": "var(--line)",
 }
+_FAILED = "failed: "
+"""What the classes of failures begin with; then comes the Outcome."""
+
 _FAILURES = {
     Ending.TANGLED: "#3a57a6",
     Ending.SINGULAR_DILATION: "#7b3fa0",
@@ -78,11 +81,10 @@ class _Tick:
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """A map ready for the template: everything in units of its drawing; `axes` as `svg.axes_data`."""
+class Divided:
+    """A plane ready for the template: everything in units of its drawing; `axes` as `svg.axes_data`."""
 
-    map: Map
-    path: str
+    names: tuple[str, str]
     axes: str
     blocks: tuple[_Block, ...]
     border: str
@@ -91,52 +93,20 @@ class Drawn:
     xticks: tuple[_Tick, ...]
     yticks: tuple[_Tick, ...]
     legend: tuple[tuple[str, str], ...]
-
-
-def write_frontier_page(folder: Path) -> Path:
-    """Write `folder/index.html` from `folder/frontier.h5` and return its path.
-
-    UserError where the file is missing or not whole.
-    """
-    folder = Path(folder)
-    stored = read_frontier(folder / FILE_NAME)
-    chapters = [
-        (
-            chapter,
-            [
-                draw(one, f"/exhibits/{chapter.key}/{one.key}", f"c{i}-{j}")
-                for j, one in enumerate(chapter.exhibits)
-            ],
-        )
-        for i, chapter in enumerate(stored.chapters)
-    ]
-    run = [row for one in stored.maps for row in one.points if row.kind != Kind.NOT_RUN]
-    told = {name: value for name, value in stored.attributes.items() if name != "scene"}
-    html = environment(folder).get_template("frontier.html")
-    text = html.render(
-        attributes=told,
-        scene=stored.attributes["scene"],
-        maps=[_drawn(one) for one in stored.maps],
-        chapters=chapters,
-        runs=len(run),
-        uncertainty=max((row.uncertainty for row in run if row.kind != Kind.UNKNOWN), default=math.nan),
-        file=stored.path,
-        frame=FRAME,
-    )
-    return put_page(folder, text)
+    frame: dict[str, int]
 
 
 def colour_of(label: str) -> str:
     """The colour of a class; failures by their Outcome."""
     if label in _COLOURS:
         return _COLOURS[label]
-    return _FAILURES[Ending(label.removeprefix(f"{Kind.FAILED}: "))]
+    return _FAILURES[Ending(label.removeprefix(_FAILED))]
 
 
 class _Scale:
     """Places of an axis as coordinates of the drawing; between places linearly."""
 
-    def __init__(self, axis: Axis, low: float, high: float) -> None:
+    def __init__(self, axis: Places, low: float, high: float) -> None:
         self.axis, self.low, self.high = axis, low, high
         self._ends = [self._measure(axis.values[0]), self._measure(axis.values[-1])]
 
@@ -158,7 +128,7 @@ class _Scale:
     def ticks(self) -> tuple[_Tick, ...]:
         """Labels: decades, every width of the mesh, or halves."""
         low, high = self.axis.values[0], self.axis.values[-1]
-        if self.axis.name == "h":
+        if self.axis.label == "h":
             return tuple(_Tick(self.at(value), f"1/{round(1 / value)}") for value in self.axis.values)
         if self.axis.log:
             decades = range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
@@ -173,65 +143,63 @@ class _Scale:
         return math.exp(measure) if self.axis.log else measure
 
 
-def _drawn(one: Map) -> Drawn:
-    across = _Scale(one.plane.x, FRAME["left"], FRAME["right"])
-    up = _Scale(one.plane.y, FRAME["bottom"], FRAME["top"])
-    labels = {(row.column, row.row): row.label for row in one.points}
-    cells = [Cell(*corners) for corners in one.cells.tolist()]
-    classes = (*_COLOURS, *(f"{Kind.FAILED}: {ending}" for ending in _FAILURES))
-    return Drawn(
-        one,
-        f"/maps/{one.key}",
-        axes_data(
-            (FRAME["left"], FRAME["top"], FRAME["right"], FRAME["bottom"]),
-            across.ends,
-            up.ends,
-            (one.plane.x.label, one.plane.y.label),
+def divided(one: Classes) -> Divided:
+    """Draw a plane."""
+    across = _Scale(one.x, FRAME["left"], FRAME["right"])
+    up = _Scale(one.y, FRAME["bottom"], FRAME["top"])
+    nodes = [(int(column), int(row)) for column, row in one.nodes.T]
+    labels = dict(zip(nodes, one.classes, strict=True))
+    classes = (*_COLOURS, *(f"{_FAILED}{ending}" for ending in _FAILURES))
+    box = FRAME["left"], FRAME["top"], FRAME["right"], FRAME["bottom"]
+    return Divided(
+        names=(one.x.label, one.y.label),
+        axes=axes_data(box, across.ends, up.ends, (one.x.label, one.y.label)),
+        blocks=tuple(block for cell in one.cells.tolist() for block in _blocks(cell, labels, across, up)),
+        border=_border(one, labels, across, up),
+        dots=tuple(
+            _Dot(across.place(column), up.place(row), sentence)
+            for (column, row), sentence in zip(nodes, one.sentences, strict=True)
         ),
-        tuple(block for cell in cells for block in _blocks(cell, labels, across, up)),
-        _border(one, cells, labels, across, up),
-        tuple(_Dot(across.place(row.column), up.place(row.row), _title(one, row)) for row in one.points),
-        tuple(
+        curves=tuple(
             _Curve(line.label, _polyline(line.x, line.y, across, up), dash)
             for line, dash in zip(one.lines, _DASHES * 2, strict=False)
         ),
-        across.ticks(),
-        up.ticks(),
-        tuple((label, colour_of(label)) for label in classes if label in labels.values()),
+        xticks=across.ticks(),
+        yticks=up.ticks(),
+        legend=tuple((label, colour_of(label)) for label in classes if label in labels.values()),
+        frame=FRAME,
     )
 
 
-def _quarters(cell: Cell) -> list[tuple[Node, tuple[float, float, float, float]]]:
-    """The corners of a cell with the quarter each stands for: left, right, bottom, top."""
-    middle_x, middle_y = (cell.left + cell.right) / 2, (cell.bottom + cell.top) / 2
+def _quarters(cell: Box) -> list[tuple[Node, Box]]:
+    """The corners of a cell with the quarter each stands for."""
+    left, right, bottom, top = cell
+    x, y = (left + right) / 2, (bottom + top) / 2
     return [
-        (
-            (i, j),
-            (min(i, middle_x), max(i, middle_x), min(j, middle_y), max(j, middle_y)),
-        )
-        for i, j in cell.corners
+        ((round(i), round(j)), (min(i, x), max(i, x), min(j, y), max(j, y)))
+        for i, j in product((left, right), (bottom, top))
     ]
 
 
-def _blocks(cell: Cell, labels: dict[Node, str], across: _Scale, up: _Scale) -> list[_Block]:
+def _blocks(cell: Box, labels: dict[Node, str], across: _Scale, up: _Scale) -> list[_Block]:
     """A cell as one rectangle, or as four where its corners are not of one class."""
-    seen = {labels[node] for node in cell.corners}
-    if len(seen) == 1:
-        return [_block((cell.left, cell.right, cell.bottom, cell.top), seen.pop(), across, up)]
-    return [_block(box, labels[node], across, up) for node, box in _quarters(cell)]
+    quarters = _quarters(cell)
+    if len(seen := {labels[node] for node, _ in quarters}) == 1:
+        return [_block(cell, seen.pop(), across, up)]
+    return [_block(box, labels[node], across, up) for node, box in quarters]
 
 
-def _block(box: tuple[float, float, float, float], label: str, across: _Scale, up: _Scale) -> _Block:
+def _block(box: Box, label: str, across: _Scale, up: _Scale) -> _Block:
     left, right = across.place(box[0]), across.place(box[1])
     low, high = up.place(box[2]), up.place(box[3])
     return _Block(left, high, round(right - left, 2), round(low - high, 2), colour_of(label))
 
 
-def _border(one: Map, cells: Sequence[Cell], labels: dict[Node, str], across: _Scale, up: _Scale) -> str:
+def _border(one: Classes, labels: dict[Node, str], across: _Scale, up: _Scale) -> str:
     """The path between quarters of different classes, on the lattice of half places."""
-    columns, rows = 2 * (len(one.plane.x.values) - 1), 2 * (len(one.plane.y.values) - 1)
+    columns, rows = 2 * (len(one.x.values) - 1), 2 * (len(one.y.values) - 1)
     grid = np.empty((columns, rows), dtype=object)
-    for cell in cells:
+    for cell in one.cells.tolist():
         for node, (left, right, low, high) in _quarters(cell):
             grid[round(2 * left) : round(2 * right), round(2 * low) : round(2 * high)] = labels[node]
     x = [across.place(number / 2) for number in range(columns + 1)]
@@ -246,14 +214,3 @@ def _polyline(x: np.ndarray, y: np.ndarray, across: _Scale, up: _Scale) -> str:
     finite = np.isfinite(x) & np.isfinite(y)
     places = zip(x[finite].tolist(), y[finite].tolist(), strict=True)
     return " ".join(f"{across.at(a)},{up.at(b)}" for a, b in places)
-
-
-def _title(one: Map, row: Row) -> str:
-    """What a reader sees who points at a point."""
-    where = ", ".join(f"{axis.label} = {value:.4g}" for axis, value in _coordinates(one, row))
-    return f"{where}; {row.steps} steps, refine {row.refine}: {row.label}. {row.sentence}"
-
-
-def _coordinates(one: Map, row: Row) -> tuple[tuple[Axis, float], tuple[Axis, float]]:
-    x, y = one.plane.x, one.plane.y
-    return (x, x.values[row.column]), (y, y.values[row.row])
