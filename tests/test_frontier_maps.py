@@ -17,7 +17,6 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.frontier.answers import Converged
 from actin_xcheck.studies.frontier.classes import Kind
 from actin_xcheck.studies.frontier.planes import check, plane_of, point_of
 from actin_xcheck.studies.frontier.words import shares, words_of
