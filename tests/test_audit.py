@@ -123,7 +123,7 @@ def test_a_row_follows_its_numbers(cell):
         ([contracts], Judgement.NOT_REPRODUCED),
         ([expands, contracts], Judgement.NOT_REPRODUCED),
     ):
-        finding = simulation("fig", "p", "s", case, checks).examine(*evidence)
+        finding = simulation("fig", case, checks).examine(*evidence)
         assert finding.judgement is judgement
         assert "FEM" in finding.computed
         assert "FV" in finding.computed

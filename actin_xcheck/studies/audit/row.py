@@ -1,8 +1,11 @@
 """What the audit is made of: one row per statement of the article, and what was found about it."""
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
+from importlib.resources import files
 
 from actin_xcheck.report.exhibits import Exhibit
 from actin_xcheck.studies.audit.simulations.studies import Study
@@ -50,14 +53,26 @@ class Row:
     Attributes
     ----------
     key : what `--only` takes: "eq3.6", "table4", "fig21"; sentences by their section, "s5.4-failure".
-    place : where it stands, for the reader: "(3.6)", "Table 4", "Section 5.4".
-    statement : what the article says.
     examine : computes the finding in a few seconds, from the `Evidence` of each study, in their order.
     studies : the simulations it needs; none where theory alone decides.
     """
 
     key: str
-    place: str
-    statement: str
     examine: Callable[..., Finding]
     studies: tuple[Study, ...] = ()
+
+    @property
+    def place(self) -> str:
+        """Where it stands, for the reader: "(3.6)", "Table 4", "Section 5.4"."""
+        return _article()[self.key]["place"]
+
+    @property
+    def statement(self) -> str:
+        """What the article says."""
+        return _article()[self.key]["statement"]
+
+
+@cache
+def _article() -> dict[str, dict[str, str]]:
+    """What the article says, by key."""
+    return tomllib.loads((files(__package__) / "article.toml").read_text(encoding="utf-8"))

@@ -112,9 +112,7 @@ def _reading(rheology: Rheology, closure: Closure) -> str:
     return f"{rheology}, {closure}"
 
 
-def simulation(
-    key: str, place: str, statement: str, case: Case, checks: Sequence[Check], because: str = ""
-) -> Row:
+def simulation(key: str, case: Case, checks: Sequence[Check], because: str = "") -> Row:
     """Return the row of one simulation; `because` says what is known of the reason beyond the numbers."""
 
     def examine(*evidence: Evidence) -> Finding:
@@ -124,7 +122,7 @@ def simulation(
         fem, fv, *_ = evidence
         return replace(finding, exhibits=(_film(fem), *finding.exhibits, *_courses(fem, fv)))
 
-    return Row(key, place, statement, examine, case.studies())
+    return Row(key, examine, case.studies())
 
 
 def _judged(

@@ -42,9 +42,6 @@ def _fronts_along_y(outputs: tuple[float, ...]) -> list[Check]:
 FIGURES_OF_CELLS: tuple[Row, ...] = (
     simulation(
         "fig10",
-        "Fig. 10, Section 5.3.1",
-        "The cell expands uniformly with actin at the periphery (t = 0.5114), then moves in the positive x "
-        "direction (1.7183) and has translated and expanded significantly (3.365).",
         cases.FIG06,
         [
             Check("expands: area change at 0.5114", area_change, 0.5114, low=0),
@@ -59,9 +56,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig11",
-        "Fig. 11, Section 5.3.2",
-        "With w2,1 excited the cell grows and protrudes on two fronts without translating; actin is highest "
-        "at the periphery where it protrudes.",
         cases.FIG11,
         [
             Check("grows: area change", area_change, 0.5114, low=0),
@@ -74,8 +68,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig11-no-bars",
-        "Fig. 11, read without the bars",
-        "As Fig. 11, with a = 1 + 0.1 sin x sin y.",
         cases.FIG11_NO_BARS,
         [
             Check("grows: area change", area_change, 0.5114, low=0),
@@ -87,8 +79,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig11-one-term",
-        "Fig. 11, one term of the sum",
-        "As Fig. 11, with a = 1 + |0.1 sin x sin y|.",
         cases.FIG11_ONE_TERM,
         [
             Check("grows: area change", area_change, 0.5114, low=0),
@@ -98,9 +88,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig12",
-        "Fig. 12, Section 5.3.2",
-        "The cell grows along y on two fronts and narrows in x without translating; at n = 130 actin is high "
-        "where it protrudes; in general its area decreases.",
         cases.FIG12,
         [
             *_fronts_along_y((0.05, 0.1329)),
@@ -110,9 +97,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig13",
-        "Fig. 13, Section 5.3.2",
-        "The cell grows along y on two fronts and narrows in x without translating; actin is high around the "
-        "centroid at n = 50 and n = 146.",
         cases.FIG13,
         [
             *_fronts_along_y((0.0511, 0.1493)),
@@ -128,8 +112,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig14",
-        "Fig. 14, Section 5.3.2",
-        "With w4,1 excited the cell grows on four fronts; actin is highest where protrusion is highest.",
         cases.FIG14,
         [
             Check("grows: area change", area_change, 0.1636, low=0),
@@ -139,8 +121,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig15",
-        "Fig. 15",
-        "At t = 0.1636 the cell has deformed significantly, but the mesh is still suitable.",
         cases.FIG14,
         [
             Check("deformed significantly: largest |u|", largest_displacement, 0.1636, low=VISIBLE),
@@ -150,8 +130,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig16",
-        "Fig. 16, Section 5.4",
-        "At (ψ, p) = (70.366, 0.433) the cell expands uniformly until t = 0.518.",
         cases.FIG16,
         [
             Check("expands: area change at 0.0361", area_change, 0.0361, low=0),
@@ -161,8 +139,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig17",
-        "Fig. 17, Section 5.4",
-        "At p = -0.433 the cell contracts uniformly; a increases from the boundary to the centroid.",
         cases.FIG17,
         [
             Check("contracts: area change at 0.518", area_change, 0.518, high=0),
@@ -173,8 +149,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig18",
-        "Fig. 18, Section 5.4",
-        "At (ψ, p) = (7.8e3, 0.026) the cell contracts non-uniformly with actin around its centroid.",
         cases.FIG18,
         [
             Check("contracts: area change", area_change, 0.0722, high=-VISIBLE),
@@ -187,8 +161,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig18-earlier",
-        "Fig. 18, Section 5.4, before the printed time",
-        f"As Fig. 18, at t = {cases.LOCALISED}: does the cell contract with actin around its centroid?",
         cases.FIG18,
         [
             Check("contracts: area change", area_change, cases.LOCALISED, high=-VISIBLE),
@@ -202,8 +174,6 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     simulation(
         "fig19",
-        "Fig. 19, Section 5.4",
-        "At (ψ, p) = (1.3e3, 0.026) actin is high at the periphery and highest where the cell protrudes.",
         cases.FIG19,
         [
             Check("protrudes: rim's deviation from a circle", unevenness, 0.0722, low=VISIBLE),
@@ -213,15 +183,10 @@ FIGURES_OF_CELLS: tuple[Row, ...] = (
     ),
     Row(
         "fig20a",
-        "Fig. 20a",
-        "Epifluorescence shows F-actin at the periphery, highest where a fibroblast protrudes.",
         _photograph,
     ),
     simulation(
         "fig20b",
-        "Fig. 20b, Section 5.4",
-        "The simulated cell (ψ = 1.3e3, p = 0.026) agrees qualitatively with the photograph: actin at the "
-        "periphery, highest where it protrudes.",
         cases.FIG19,
         [
             Check("actin at the periphery: rim over centre less 1", rim_excess, 0.0722, low=0),

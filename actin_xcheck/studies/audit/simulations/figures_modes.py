@@ -17,8 +17,6 @@ from actin_xcheck.studies.audit.simulations.readouts import (
 FIGURES_OF_MODES: tuple[Row, ...] = (
     simulation(
         "fig06",
-        "Fig. 6, Section 5.1.1",
-        "With a = 1.0009 + rnd sin x at ψ = 62.4, a_h after two and u_h after four steps show w1,1.",
         cases.FIG06,
         [
             Check("a is like w1,1: correlation", likeness(W11), 2 * cases.PAPER_DT, low=ALIKE),
@@ -35,8 +33,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig06-unperturbed",
-        "Fig. 6c, tested",
-        "u_h shows w1,1 because w1,1 is excited; here without the perturbation, where it must not.",
         cases.FIG06_UNPERTURBED,
         [
             Check(
@@ -50,9 +46,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig07",
-        "Fig. 7, Section 5.1.2",
-        "At p = 1.646, ψ = 38.24, a_h shows -w0,2 at t = 3.61e-3 and u_h is highest around r = 0.8 "
-        "then and at t = 0.024.",
         cases.FIG07,
         [
             Check("a is like -w0,2: correlation", likeness(signed(W02, -1)), 3.61e-3, low=ALIKE),
@@ -63,8 +56,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig07-small-rnd",
-        "Fig. 7, rnd = 1e-5",
-        "As Fig. 7 with rnd at the lower end of its range, where the ring's own pattern prevails.",
         cases.FIG07_SMALL_RND,
         [Check("a is like -w0,2: correlation", likeness(signed(W02, -1)), 3.61e-3, low=ALIKE)],
         "rnd is printed as a number between 1e-3 and 1e-5 only; the pattern at this time is that of the jump "
@@ -72,16 +63,11 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "s5.1.2-membrane",
-        "Section 5.1.2, (5.1)",
-        "With δ on the boundary only (5.1) and the parameters of Tables 1 and 2, u_h has its highest value "
-        "around the boundary.",
         cases.FIG07_MEMBRANE,
         [Check("|u| is largest at the rim: its radius", displacement_peak, 0.024, low=0.95)],
     ),
     simulation(
         "fig08b",
-        "Fig. 8b and c, Table 5",
-        "At ψ = 310 dyn/cm², a = 1 + |0.1 cos x|, a_h shows w0,2 + 2 w2,1 within 15 steps.",
         cases.FIG13,
         [
             Check(
@@ -96,8 +82,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig08e",
-        "Fig. 8e and f, Table 5",
-        "At ψ = 200 dyn/cm², a = 1 + |0.1 sin² y|, a_h shows w3,1 - w0,2 - 3 w2,1 within 15 steps.",
         cases.FIG12,
         [
             Check(
@@ -113,8 +97,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig09b",
-        "Fig. 9b and c, Table 5",
-        "At ψ = 367 dyn/cm², a = 1 + |0.1 sin x sin y|, a_h shows w4,1 within 15 steps.",
         cases.FIG14,
         [
             Check(
@@ -135,8 +117,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig09e",
-        "Fig. 9e and f, Table 5",
-        "At ψ = 110 dyn/cm², a = 1 + |Σ 0.1 sin x sin y|, a_h shows w2,1 within 15 steps.",
         cases.FIG11,
         [Check("a has a share of w2,1: |correlation|", mode_share(W21, 2), cases.FIFTEEN, low=ALIKE)],
         "The bars make the sum 2 |sin x sin y|, which a quarter turn maps onto itself while it changes "
@@ -145,8 +125,6 @@ FIGURES_OF_MODES: tuple[Row, ...] = (
     ),
     simulation(
         "fig09e-no-bars",
-        "Fig. 9e and f, read without the bars",
-        "As Fig. 9e, with a = 1 + 0.1 sin x sin y: the reading under which w2,1 can be excited.",
         cases.FIG11_NO_BARS,
         [Check("a has a share of w2,1: |correlation|", mode_share(W21, 2), cases.FIFTEEN, low=ALIKE)],
         "At t = 0 that pattern has the mode's shape already.",

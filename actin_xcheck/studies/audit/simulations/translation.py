@@ -198,8 +198,5 @@ def _suspects() -> Finding:
 
 TRANSLATION = Row(
     "s5.3.1-translation",
-    "Fig. 10, Sections 5.3.1 and B.5.1",
-    "The cell moves preferentially in the direction of high actin: it translates to +x; (B.23a) was solved "
-    "by GMRES.",
     _suspects,
 )

@@ -300,90 +300,60 @@ def _along_p(key: str, delta: Delta) -> Finding:
 THEORY_FIGURES: tuple[Row, ...] = (
     Row(
         "fig01",
-        "Fig. 1",
-        "σ(a) first increases in a parabolic way until a critical density, then decreases exponentially;"
-        " a_sat = 1.1, ψ = 1.",
         _contractility,
     ),
     Row(
         "fig02",
-        "Fig. 2",
-        "p(a) near the membrane: a passive and an active, polymerisation-induced part; l0 = 0.8.",
         _pressure,
     ),
-    Row("fig03", "Fig. 3", "σ'(1) against a_sat for ψ = 1.", _slope),
+    Row("fig03", _slope),
     Row(
         "fig04",
-        "Fig. 4",
-        "Surface plot of w1,1 = J1(j'_1,1 r) cos θ.",
         partial(_surface, "fig04", {W11: 1.0}),
     ),
     Row(
         "fig05",
-        "Fig. 5",
-        "Surface plots of selected eigenmodes for the bands of wave numbers in Table 4.",
         _selected_surfaces,
     ),
     Row(
         "fig06a",
-        "Fig. 6a",
-        "The predicted solution for w1,1.",
         partial(_surface, "fig04", {W11: 1.0}, "Fig. 6 (Section 5.1.1)"),
     ),
-    Row("fig07a", "Fig. 7a", "Surface plot of the eigenmode w0,2, replicated as -w0,2.", _minus_w02),
+    Row("fig07a", _minus_w02),
     Row(
         "fig08a",
-        "Fig. 8a",
-        "The predicted solution w0,2 + 2w2,1; Section 5.3.2 calls it w0,2 - 2w2,1.",
         _mixed_8a,
     ),
     Row(
         "fig08d",
-        "Fig. 8d",
-        "The predicted solution w3,1 - w0,2 - 3w2,1.",
         partial(_surface, "fig08d", {Mode(3, 1): 1.0, W02: -1.0, W21: -3.0}, "Fig. 8e, f"),
     ),
     Row(
         "fig09a",
-        "Fig. 9a",
-        "The predicted solution w4,1.",
         partial(_surface, "fig05-w4,1", {Mode(4, 1): 1.0}, "Fig. 9b, c"),
     ),
     Row(
         "fig09d",
-        "Fig. 9d",
-        "The predicted solution w2,1.",
         partial(_surface, "fig05-w2,1", {W21: 1.0}, "Fig. 9e, f"),
     ),
     Row(
         "fig21",
-        "Fig. 21",
-        "b(k²) and Re λ with k²1,1 = 3.38994 the only excitable wave number, δ = 1.",
         partial(_isolating, "fig21", 62.4, {W11: ("3.38994", "1.84118")}),
     ),
     Row(
         "fig22",
-        "Fig. 22",
-        "b(k²) and Re λ with k²1,1 = 3.38994 and k²2,1 = 9.32838 the only excitable wave numbers, δ = 1.",
         partial(_isolating, "fig22", 95.327, {W11: ("3.38994", "1.84118"), W21: ("9.32838", "3.05424")}),
     ),
     Row(
         "fig23a",
-        "Fig. 23a",
-        "Along ψ: stable, H, oscillatory OS1 of w1,1, Turing with w1,1 alone, oscillatory OS2 of w2,1, Turing"
-        " with both.",
         _plane,
     ),
     Row(
         "fig23b",
-        "Fig. 23b",
-        "λ over p at ψ = 38.24, δ = 1: from an oscillatory to a Turing instability.",
         partial(_along_p, "fig23b", Delta.FULL),
     ),
     Row(
         "fig23c",
-        "Fig. 23c",
-        "λ over p at ψ = 38.24, δ = 0: from an oscillatory to a Turing instability.",
         partial(_along_p, "fig23c", Delta.NONE),
     ),
 )

@@ -212,66 +212,43 @@ def _steady_state() -> Finding:
 THEORY_SENTENCES: tuple[Row, ...] = (
     Row(
         "s2-motion-ceases",
-        "Section 2",
-        "Inertia is negligible, hence motion ceases as soon as the forces are turned off.",
         _motion_ceases,
     ),
     Row(
         "s2-saturation",
-        "Section 2",
-        "2a_sat represents the saturation concentration of F-actin.",
         _saturation,
     ),
     Row(
         "s2-far",
-        "Section 2",
-        "Far from the membrane only the osmotic component p/(1 + φ) exists.",
         _far_from_membrane,
     ),
     Row(
         "s2-pushes",
-        "Section 2",
-        "Near the membrane a polymerisation-induced pressure reinforces the osmotic stress and pushes the"
-        " membrane out.",
         _pushes_membrane,
     ),
     Row(
         "s2-equilibrium",
-        "Section 2",
-        "a_c is the chemical equilibrium; it parts polymerisation from depolymerisation.",
         _equilibrium,
     ),
     Row(
         "s2.1-conditions",
-        "Section 2.1",
-        "The boundary conditions in (2.1e) specify zero flux for (2.1b) and a stress-free boundary for"
-        " (2.1a).",
         _zero_flux,
     ),
     Row(
         "s3-parameters",
-        "Section 3",
-        "Non-dimensionalising reduces the number of parameters.",
         _fewer_parameters,
     ),
     Row(
         "s3.2-finite",
-        "Section 3.2",
-        "p and ψ are chosen such that the dispersion relation has a finite number of unstable modes.",
         _finite_range,
     ),
     Row(
         "s3.2-literature",
-        "Section 3.2",
-        "Some values are close to the literature's: D_a from 0.00962 to 0.134 cm²/s, a_sat = 1.1.",
         _literature,
     ),
     Row(
         "s3.2-units",
-        "Section 3.2",
-        "Fibroblast viscosity is 200 dyn/cm²; μ1 = 96.15 dyn s cm², and μ2 = 250 dyn s/cm² is larger than the"
-        " shear modulus.",
         _units,
     ),
-    Row("s3.3-steady", "Section 3.3", "The steady state of (3.2) is a_s = 1, u_s = 0.", _steady_state),
+    Row("s3.3-steady", _steady_state),
 )

@@ -216,55 +216,36 @@ def _named_w01() -> Finding:
 VALIDATION_SENTENCES: tuple[Row, ...] = (
     Row(
         "s5.1.1-panels",
-        "Section 5.1.1",
-        "Concentration and displacement are given in Fig. 6a and b.",
         _panels,
     ),
     Row(
         "s5.1.2-isolates",
-        "Section 5.1.2",
-        "At ψ = 38.24, p = 1.646 the dispersion relation again isolates the lowest non-zero wave number"
-        " k²1,1.",
         _isolates_again,
     ),
     Row(
         "s5.1.2-encouraged",
-        "Section 5.1.2",
-        "The perturbation rnd cos x encourages -w0,2, where w0,2 is the lowest eigenmode.",
         _encouraged,
     ),
-    Row("s5.1.2-ring", "Section 5.1.2, Fig. 7c", "δ is discontinuous at x² + y² = 0.8.", _where_delta_jumps),
+    Row("s5.1.2-ring", _where_delta_jumps),
     Row(
         "s5.1.2-discontinuous",
-        "Section 5.1.2",
-        "The dispersion relation is discontinuous where δ is.",
         _discontinuous,
     ),
-    Row("s5.3.2-mixed", "Section 5.3.2", "The mixed mode w2,1 and the mixed mode w4,1 are excited.", _mixed),
+    Row("s5.3.2-mixed", _mixed),
     Row(
         "s5-times",
-        "Section 5",
-        "Times of the figures, among them n = 130 (t = 0.1329), n = 50 (t = 0.0511), n = 146 (t = 1.493).",
         _times,
     ),
     Row(
         "s5.4-w01",
-        "Section 5.4",
-        "Stationary solutions predicted for c1 w0,1 are reproduced at ψ = 38.24.",
         _named_w01,
     ),
     Row(
         "s5.4-near-rim",
-        "Section 5.4",
-        "p can be chosen such that there is an oscillatory instability near the boundary and a Hopf"
-        " instability further away, because of δ in b.",
         _near_the_rim,
     ),
     Row(
         "s5.4-condition",
-        "Section 5.4",
-        "Uniform deformation, provided b(k²) isolates only k²1,1; examples of it are (ψ, p) = (70.366, 0.026)"
-        " and (70.366, 0.433).",
         _uniform_condition,
     ),
 )
