@@ -1,8 +1,10 @@
 """Pictures, exports and the interface for notebooks: what is drawn and written is what was computed."""
 
+import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from ctypes.util import find_library
 from pathlib import Path
 
 import meshio
@@ -18,14 +20,17 @@ from actin_xcheck.core import lagrange
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.export import export
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.pictures import can_draw
 from actin_xcheck.runs.run import run as stored_run
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import load_scene
 from tests.test_cli import cli, one_line
 from tests.test_isolation import loaded_by
 
-needs_opengl = pytest.mark.skipif(not can_draw(), reason="VTK finds neither EGL nor OSMesa nor a display")
+needs_opengl = pytest.mark.skipif(
+    sys.platform == "linux"
+    and not (find_library("EGL") or find_library("OSMesa") or os.environ.get("DISPLAY")),
+    reason="VTK finds neither EGL nor OSMesa nor a display",
+)
 
 
 @pytest.fixture(scope="module")
@@ -272,6 +277,29 @@ def test_xdmf_is_a_film_whose_points_move(curved: Run, tmp_path: Path) -> None:
         assert np.array_equal(seen["a"], curved.a_points[frame])
         assert seen.n_cells == 4 * curved.cells.shape[1]  # k^2 straight triangles
         assert np.array_equal(seen["a_cells"], np.repeat(curved.a_cells[frame], 4))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is no display to be dead")
+@pytest.mark.parametrize("display", ["", ":77"])
+def test_nothing_to_draw_with_is_one_line(
+    curved: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, display: str
+) -> None:
+    for library in ("libEGL.so", "libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6"):
+        (tmp_path / library).write_text("no library")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.setenv("DISPLAY", display)
+    done = cli("render", curved.path, "--out", "cell.png", cwd=tmp_path)
+    one_line(done, "render: the process that draws ended without a picture", "valid: ", "libEGL", "DISPLAY")
+    assert not (tmp_path / "cell.png").exists()
+
+
+@needs_opengl
+def test_a_script_that_draws_is_not_run_once_more(curved: Run, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(f"import actin_xcheck\nprint(actin_xcheck.render({str(curved.path)!r}, 'cell.png'))\n")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout == "cell.png\n"
+    assert (tmp_path / "cell.png").exists()
 
 
 def test_an_export_of_another_kind_is_one_line(curved: Run, command) -> None:
