@@ -1,5 +1,6 @@
 """A run's film in other people's formats, written by meshio: XDMF for any tool, VTU with curved cells."""
 
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from contextlib import chdir
@@ -26,7 +27,7 @@ def files_of(run: Run, path: Path) -> tuple[Path, ...]:
     UserError : no frame, another suffix, or a path that readers do not open.
     """
     frame_at(run, None)  # a film of none is a file that readers refuse
-    stem = quote(path.stem, safe="")
+    stem = quote(os.fsencode(path.stem), safe="")
     others = {".xdmf": [f"{stem}.h5"], ".pvd": [f"{stem}-{frame:04d}.vtu" for frame in range(len(run.times))]}
     if path.suffix not in others:
         raise UserError(
