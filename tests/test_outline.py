@@ -1,8 +1,12 @@
 """A user's mesh: what is read, what is refused in one line, and what runs on it."""
 
+import time
+
 import meshio
 import numpy as np
 import pytest
+import pyvista
+import vtk
 from scipy.spatial import Delaunay
 
 from actin_xcheck.cli.app import app
@@ -11,6 +15,7 @@ from actin_xcheck.core.mesh import Mesh, disk, locate, signed_areas
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene import mesh_file
 from actin_xcheck.scene.mesh_file import read_triangulation
 from actin_xcheck.scene.outline import Fit, caveats, read_mesh, refined, write_mesh
 from actin_xcheck.scene.resolve import resolve
@@ -20,6 +25,48 @@ from tests.lab import film_of, scene_of
 
 SQUARE = np.array([[-1, 1, 1, -1, 0], [-1, -1, 1, 1, 0.0]])
 FAN = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [4, 4, 4, 4]])
+
+
+GMSH = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+2 1 "cell"
+$EndPhysicalNames
+$Entities
+1 1 1 0
+1 -1 -1 0 0
+1 -1 -1 0 1 1 0 0 2 1 -1
+1 -1 -1 0 1 1 0 1 1 1 1
+$EndEntities
+$Nodes
+1 4 1 4
+2 1 0 4
+1
+2
+3
+4
+-1 -1 0
+1 -1 0
+1 1 0
+-1 1 0
+$EndNodes
+$Elements
+3 7 1 7
+0 1 15 1
+1 1
+1 1 1 4
+2 1 2
+3 2 3
+4 3 4
+5 4 1
+2 1 2 2
+6 1 2 4
+7 4 2 3
+$EndElements
+"""
+"""All of a gmsh model, of which the surface only is in a physical group, as its option SaveAll writes it."""
 
 
 def write(path, points, cells, kind="triangle", z=0.0, **options):
@@ -43,7 +90,9 @@ def clover(path, n=48):
     return write(path, points, triangles[:, inside])
 
 
-@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".xdmf", ".off"])
+@pytest.mark.parametrize(
+    "suffix", [".vtu", ".vtk", ".xdmf", ".off", ".obj", ".ply", ".inp", ".mesh", ".med", ".xml", ".avs"]
+)
 def test_what_meshio_writes_is_read(tmp_path, suffix):
     own = disk(2, 0.8)
     write_mesh(tmp_path / f"cell{suffix}", own)
@@ -63,6 +112,55 @@ def test_gmsh_files_are_read_and_what_is_no_triangle_beside_them_is_ignored(tmp_
     assert np.array_equal(triangles, FAN)
 
 
+def test_what_is_in_no_physical_group_hinders_nobody(tmp_path):
+    (tmp_path / "cell.msh").write_text(GMSH)
+    xi, triangles = read_triangulation(tmp_path / "cell.msh")
+    assert np.array_equal(xi, SQUARE[:, :4])
+    assert np.array_equal(triangles, [[0, 3], [1, 1], [3, 2]])
+
+
+@pytest.mark.parametrize("kind", ["int32", "int64", "uint8", "uint16", "uint32", "uint64"])
+@pytest.mark.parametrize("binary", [True, False])
+def test_node_numbers_are_whole_of_whatever_type(tmp_path, kind, binary):
+    path = write(tmp_path / "cell.vtu", SQUARE, FAN.astype(kind), binary=binary)
+    assert (
+        f'type="{kind.replace("ui", "UI").replace("int", "Int").replace("UInt", "UInt")}' in path.read_text()
+    )
+    assert np.array_equal(read_triangulation(path)[1], FAN)
+
+
+def test_what_vtk_packs_otherwise_is_read_by_vtk(tmp_path):
+    cells = np.insert(FAN, 0, 3, axis=0).T
+    surface = pyvista.PolyData(np.vstack([SQUARE, np.zeros(5)]).T, cells)
+    for writer, data, name in (
+        (vtk.vtkXMLUnstructuredGridWriter(), surface.cast_to_unstructured_grid(), "lz4.vtu"),
+        (vtk.vtkXMLPolyDataWriter(), surface, "surface.vtp"),
+    ):
+        writer.SetInputData(data)
+        writer.SetCompressorTypeToLZ4()
+        writer.SetFileName(str(tmp_path / name))
+        writer.Write()
+        xi, triangles = read_triangulation(tmp_path / name)
+        assert np.array_equal(xi, SQUARE)
+        assert np.array_equal(triangles, FAN)
+
+
+def test_a_reader_that_goes_round_for_ever_is_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_file, "PATIENCE", 3.0)
+    (tmp_path / "cell.node").write_text("")
+    began = time.monotonic()
+    with pytest.raises(UserError, match=r"cell\.node: meshio cannot read it \(no end within 3 s\); valid: "):
+        read_triangulation(tmp_path / "cell.node")
+    assert time.monotonic() - began < 30
+
+
+def test_surfaces_that_look_away_from_each_other_are_one_cell(tmp_path):
+    turned = np.where(np.arange(4) % 2, FAN[[0, 2, 1]], FAN)
+    xi, triangles = read_triangulation(write(tmp_path / "cell.vtu", SQUARE, turned))
+    assert np.array_equal(xi, SQUARE)
+    assert np.array_equal(triangles, FAN)
+
+
 def test_clockwise_cells_are_turned_and_unused_nodes_left_out(tmp_path):
     points = np.hstack([np.full((2, 1), 7.0), SQUARE])
     xi, triangles = read_triangulation(write(tmp_path / "cell.vtu", points, FAN[[0, 2, 1]] + 1))
@@ -71,7 +169,8 @@ def test_clockwise_cells_are_turned_and_unused_nodes_left_out(tmp_path):
 
 
 def _inverted():
-    return SQUARE, np.where(np.arange(4) == 2, FAN[[0, 2, 1]], FAN)
+    """The middle moved out of the square: the cell that it passed through lies on the others."""
+    return np.hstack([SQUARE[:, :4], [[1.5], [0.0]]]), FAN
 
 
 def _with_hole():
@@ -122,7 +221,7 @@ def _flat():
 
 
 MISTAKES = {
-    "inverted": (_inverted(), "cell 2 at .* runs the other way round than the rest: inverted"),
+    "inverted": (_inverted(), "cells 1 and 0 lie on one hand of the side they share"),
     "hole": (_with_hole(), "boundary is 2 loops, one of them about a hole"),
     "hanging": (_hanging(), "node 5 at .* lies within the side .*: a hanging node"),
     "pinched": (_pinched(), "touches itself in node 2 at"),

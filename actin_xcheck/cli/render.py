@@ -9,7 +9,7 @@ from actin_xcheck.cli.options import make_folder
 from actin_xcheck.cli.output import FilesAnswer, Json, say
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import pictures
-from actin_xcheck.runs.export import export
+from actin_xcheck.runs.export import export, files_of
 from actin_xcheck.runs.store import read_run
 
 Stored = Annotated[Path, typer.Argument(help="A stored run, .vtkhdf.")]
@@ -51,10 +51,12 @@ def export_command(
 ) -> None:
     """Write the film of a stored run for other tools: XDMF with straight triangles, or VTU with curved cells.
 
-    ParaView needs neither: it opens the .vtkhdf itself.
+    ParaView 5.12 and later need neither: they open the .vtkhdf itself; film.pvd is for those before.
     """
     run = read_run(file)
-    files = export(run, _free(to, "--to", force))
+    for path in files_of(run, to):
+        _free(path, "--to", force)
+    files = export(run, to)
     if json:
         say(FilesAnswer(command="export", files=tuple(map(str, files)), times=tuple(run.times.tolist())))
     else:

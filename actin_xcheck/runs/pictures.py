@@ -1,17 +1,15 @@
 """The cell of a run as PyVista draws it: one frame as a picture, all of them as a film.
 
-Nothing needs a display: VTK draws into memory.  Curved cells are drawn curved: each is cut into small flat
-pieces, on which the fields are the element's own.
+Nothing needs a display: VTK draws into memory, in a process of its own, for it crashes where it finds nothing
+to draw with.  Curved cells are drawn curved: each is cut into small flat pieces, on which the fields are the
+element's own.
 """
 
-import ctypes
 import io
-import os
+import math
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from actin_xcheck.core.aside import LostError, aside
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array
@@ -41,12 +40,6 @@ _SECONDS, _FASTEST = 6.0, 25.0
 
 _SLOWEST = 4.0
 """Frames a second of a film of few."""
-
-_OFF_SCREEN = {
-    "vtkEGLRenderWindow": ("libEGL.so.1",),
-    "vtkOSOpenGLRenderWindow": ("libOSMesa.so.8", "libOSMesa.so.6"),
-}
-"""What VTK draws into memory with, and the libraries one of which that needs."""
 
 _BAR: dict[str, Any] = {
     "vertical": False,
@@ -88,6 +81,18 @@ def render(run: Run, path: Path, time: float | None = None, field: str = "a") ->
         raise UserError(f"--time: {path} shows all output times; valid: with a .png")
     ffmpeg = _ffmpeg() if path.suffix == ".mp4" else ""
     frames = [frame_at(run, time)] if path.suffix == ".png" else list(range(len(run.times)))
+    try:
+        aside(math.inf, _write, run, path, frames, field, ffmpeg)
+    except LostError as error:
+        raise UserError(
+            f"render: the process that draws ended without a picture ({error}); valid: something for VTK to "
+            "draw with: libEGL (Debian: libegl1), OSMesa or a DISPLAY that answers"
+        ) from None
+    return tuple(float(run.times[frame]) for frame in frames)
+
+
+def _write(run: Run, path: Path, frames: Sequence[int], field: str, ffmpeg: str) -> None:
+    """Draw frames into a file."""
     pictures = _drawn(run, frames, field)
     rate = min(_FASTEST, max(_SLOWEST, len(frames) / _SECONDS))
     if ffmpeg:
@@ -100,7 +105,6 @@ def render(run: Run, path: Path, time: float | None = None, field: str = "a") ->
         )
         first.save(content, path.suffix.removeprefix("."), **(looped if path.suffix == ".gif" else {}))
         replace_file(path, content.getvalue())
-    return tuple(float(run.times[frame]) for frame in frames)
 
 
 def frame_at(run: Run, time: float | None) -> int:
@@ -136,30 +140,8 @@ def in_space(vectors: Array) -> Array:
     return np.pad(vectors.T, ((0, 0), (0, 1)))
 
 
-def can_draw() -> bool:
-    """Whether VTK finds something to draw with; where it does not, it ends the process."""
-    return sys.platform != "linux" or bool(os.environ.get("DISPLAY")) or _window() is not None
-
-
-def _window() -> str | None:
-    """What VTK can draw into memory with."""
-    for window, libraries in _OFF_SCREEN.items():
-        for library in libraries:
-            with suppress(OSError):
-                ctypes.CDLL(library)
-                return window
-    return None
-
-
 def _drawn(run: Run, frames: Sequence[int], field: str) -> Iterator[Picture]:
     """Pictures of frames, in a window that holds the whole film and with one range of colours."""
-    if not can_draw():
-        raise UserError(
-            "render: VTK has nothing to draw with; valid: libEGL (Debian: libegl1), OSMesa, a display"
-        )
-    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        # else VTK looks for a display first, and says so
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", _window() or "")
     import pyvista
 
     cuts = 1 + int(np.clip(np.log(_PIECES / run.triangles.shape[1]) / np.log(4), 0, 3))

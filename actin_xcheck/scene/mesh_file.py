@@ -4,26 +4,28 @@ What a mesh must be: straight triangles in a plane, conforming, joined by sides 
 or folds.  The first thing that is wrong becomes one line; numbers in it count from 0, in the file's order.
 """
 
-from contextlib import redirect_stderr, redirect_stdout
-from io import StringIO
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from actin_xcheck.core.aside import LostError, aside
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Indices, signed_areas
 from actin_xcheck.core.model import Array
+from actin_xcheck.scene.foreign_mesh import foreign_mesh
 
 MOST_CELLS = 200_000
 """More would not be affordable, and neither would be checking them."""
 
 MOST_BYTES = 500_000_000
 """Of a file."""
+
+PATIENCE = 60.0
+"""Seconds that reading may take; the largest mesh takes a few."""
 
 SIZES = 0.1, 10.0
 """Distance of the farthest node from the origin: outside of these a mesh is in other units."""
@@ -52,21 +54,11 @@ def _read(path: Path) -> tuple[Array, Indices]:
         raise UserError(f"--mesh: {path}: no such file; valid: a triangulation that meshio reads")
     if path.stat().st_size > MOST_BYTES:
         raise UserError(f"--mesh: {path}: {path.stat().st_size:.2g} bytes; valid: {MOST_BYTES:.0e}")
-    said = StringIO()
     try:
-        with catch_warnings(), redirect_stdout(said), redirect_stderr(said):
-            simplefilter("ignore")
-            import meshio  # most runs read no mesh
-
-            found = meshio.read(path)
-            points, blocks = (
-                np.asarray(found.points),
-                [(one.type, np.asarray(one.data)) for one in found.cells],
-            )
-    except (Exception, SystemExit) as error:  # its readers print, raise whatever they stumble over, or exit
-        reason = " ".join(said.getvalue().split()) if isinstance(error, SystemExit) else repr(error)
+        points, blocks = aside(PATIENCE, foreign_mesh, path)
+    except (ValueError, LostError) as error:  # on rubbish some of its readers go round for ever
         raise UserError(
-            f"--mesh: {path}: meshio cannot read it ({reason:.300}); valid: .msh, .vtu, .xdmf or another "
+            f"--mesh: {path}: meshio cannot read it ({error!s:.300}); valid: .msh, .vtu, .xdmf or another "
             "of its formats, by the suffix"
         ) from None
     return _planar(path, points), _triangles(path, blocks, points.shape[0])
@@ -97,16 +89,23 @@ def _triangles(path: Path, blocks: list[tuple[str, Any]], count: int) -> Indices
     found = [data for kind, data in blocks if kind == "triangle" and len(data)]
     if not found:
         raise UserError(f"--mesh: {path}: it holds no triangle; valid: a triangulation of the cell")
-    if odd := [data for data in found if data.ndim != 2 or data.shape[1] != 3 or data.dtype.kind not in "iu"]:
-        raise UserError(f"--mesh: {path}: triangles of shape {odd[0].shape}; valid: (n, 3) node numbers")
-    triangles: Indices = np.concatenate(found).T.astype(np.int64)
+    if odd := [data for data in found if data.ndim != 2 or data.shape[1] != 3 or not _whole(data)]:
+        raise UserError(
+            f"--mesh: {path}: triangles of shape {odd[0].shape}, {odd[0].dtype}; valid: (n, 3) node numbers"
+        )
+    triangles = np.concatenate(found).T
     if triangles.shape[1] > MOST_CELLS:
         raise UserError(f"--mesh: {path}: {triangles.shape[1]} cells; valid: {MOST_CELLS}")
     if triangles.min() < 0 or triangles.max() >= count:
         cell = int(np.flatnonzero(((triangles < 0) | (triangles >= count)).any(axis=0))[0])
-        nodes = ", ".join(map(str, triangles[:, cell]))
+        nodes = ", ".join(f"{node:.0f}" for node in triangles[:, cell])
         raise UserError(f"--mesh: {path}: cell {cell} names the nodes {nodes}; valid: 0 to {count - 1}")
-    return triangles
+    return triangles.astype(np.int64)
+
+
+def _whole(data: Any) -> bool:
+    """Whether all are whole numbers, of whatever type: unsigned ones leave meshio as floats."""
+    return data.dtype.kind in "iu" or (data.dtype.kind == "f" and bool((data == np.rint(data)).all()))
 
 
 class _Check:
@@ -119,14 +118,9 @@ class _Check:
         """The triangles, counter-clockwise; UserError for the first thing that is wrong."""
         self._nodes()
         self._cells()
-        areas = signed_areas(self.points, self.triangles)
-        if (areas < 0).all():
-            self.triangles = self.triangles[[0, 2, 1]]
-        elif (areas < 0).any():
-            few = np.flatnonzero(areas < 0 if (areas < 0).mean() <= 0.5 else areas > 0)
-            self._refuse(
-                f"{self._cell(few[0])}{_more(few.size)} runs the other way round than the rest: inverted"
-            )
+        # a mesher's surfaces have sides, a cell has none: one that is inverted lies upon its neighbours
+        clockwise = signed_areas(self.points, self.triangles) < 0
+        self.triangles = np.where(clockwise, self.triangles[[0, 2, 1]], self.triangles)
         self._sides()
         self._outline()
         return self.triangles
