@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.report.svg import STYLES
 from actin_xcheck.report.ticks import ticks
 from actin_xcheck.studies.frontier.classes import Kind
 from actin_xcheck.studies.frontier.page import colour_of
 from tests.chromium import Browser
+from tests.colours import SEEN, lab, linear
 from tests.legible import unreadable
 from tests.picture import PICTURE, WIDTH, take
 
@@ -149,37 +151,8 @@ def test_every_axis_has_three_labels_that_are_its_numbers(
 
 # colours
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-SEEN = {
-    "as they are": np.eye(3),
-    "without red": np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
-    ),
-    "without green": np.array(
-        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
-    ),
-    "without blue": np.array(
-        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
-    ),
-}
-"""Linear light as it is seen with and without each kind of cone: Machado, Oliveira and Fernandes (2009)."""
-
 CLASSES = [str(kind) for kind in Kind if kind is not Kind.FAILED]
 CLASSES += [f"{Kind.FAILED}: {ending}" for ending in Ending if ending is not Ending.COMPLETED]
-
-
-def linear(colour: str) -> np.ndarray:
-    """Linear sRGB (3,) of a colour as #rrggbb."""
-    part = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    return np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
-
-
-def lab(light: np.ndarray) -> np.ndarray:
-    """CIELAB (3,) of linear sRGB; white is D65."""
-    xyz = np.array([[0.4124564, 0.3575761, 0.1804375], LUMINANCE, [0.0193339, 0.1191920, 0.9503041]])
-    part = xyz @ np.clip(light, 0, 1) / xyz.sum(axis=1)
-    f = np.where(part > (6 / 29) ** 3, np.cbrt(part), part / (3 * (6 / 29) ** 2) + 4 / 29)
-    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
 @pytest.mark.parametrize("eye", SEEN)
@@ -188,6 +161,12 @@ def test_classes_of_runs_are_told_apart_by_every_eye(eye: str) -> None:
     apart = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in combinations(CLASSES, 2)}
     assert min(apart.values()) > 10, min(apart, key=apart.__getitem__)
     assert apart[Kind.ACCURATE, Kind.SILENT] > 40
+
+
+@pytest.mark.parametrize("eye", SEEN)
+def test_lines_are_told_apart_by_every_eye(eye: str) -> None:
+    seen = [lab(SEEN[eye] @ linear(style.colour)) for style in STYLES]
+    assert min(float(np.linalg.norm(one - other)) for one, other in combinations(seen, 2)) > 12
 
 
 def test_classes_of_runs_are_told_apart_in_grey() -> None:

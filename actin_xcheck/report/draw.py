@@ -17,10 +17,10 @@ from actin_xcheck.report.exhibits import Exhibit, Line, Picture, Plot, Regions, 
 from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
 
 _BANDS = (
-    *("#26366e", "#b3b1ab", "#4b1c22", "#7b4fa3", "#3f9b5f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
-    *("#e08bb4", "#e8935a", "#5a5fc7", "#b7d98a", "#c96f6f", "#56b3a8", "#a8734a", "#f1dca7", "#6d7f3a"),
+    *("#30458c", "#b3b1ab", "#4b1c22", "#7b4fa3", "#34874f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
+    *("#e08bb4", "#f6c08f", "#5a5fc7", "#b7d98a", "#c96f6f", "#56b3a8", "#a8734a", "#f1dca7", "#6d7f3a"),
 )
-"""Colours of regions by code; neighbours differ in lightness too."""
+"""Colours of regions by code; neighbours on the maps of theory differ in lightness too."""
 
 TEXT_WIDTH = 0.0125
 """Width of a letter of a map's label in units of the map's."""

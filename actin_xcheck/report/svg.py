@@ -56,10 +56,10 @@ class Style:
 
 
 STYLES = (
-    *(Style("#5b9bf0", 3.6), Style("#e4572e", 1.5), Style("#2a9d6e", 1.2), Style("#a463c9", 1.0)),
-    *(Style("#c98a00", 1.0), Style("#1aa3b5", 1.0), Style("#d4569b", 1.0), Style("#8a8f98", 1.0)),
+    *(Style("#527ed4", 3.6), Style("#cd3122", 1.5), Style("#20814d", 1.2), Style("#9c4fa3", 1.0)),
+    *(Style("#bd8b0b", 1.0), Style("#06a5ac", 1.0), Style("#e85e9f", 1.0), Style("#6f707a", 1.0)),
 )
-"""Lines mostly coincide, so each is drawn thinner than the one before, on top of it."""
+"""Lines mostly coincide, so each is drawn thinner than the one before, on top of it; apart for every eye."""
 
 
 def styled() -> AbstractContextManager[None]:
