@@ -222,7 +222,7 @@ def test_a_logarithmic_plot_with_a_guide_comes_back_and_is_drawn(tmp_path):
     assert [line.guide for line in read.lines] == [False, True]
     drawn = draw(read, "/plot", "p")
     assert [key.shape for key in drawn.legend] == ["line", "guide"]
-    assert ">0.05<" in drawn.svg  # a plain number: nothing typesets mathematics
+    assert ">0.001<" in drawn.svg  # a plain number: nothing typesets mathematics
     assert "mathdefault" not in drawn.svg
 
 
