@@ -1,7 +1,9 @@
 """What tests of several files are given."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
 
 import pytest
 
@@ -18,3 +20,11 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
             "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
         )
         yield browser
+
+
+@pytest.fixture(scope="session")
+def page_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Makes a small page of a kind, when it is first asked for."""
+    from tests.pages import make  # which needs what makes every kind
+
+    return cache(lambda kind: make(kind, tmp_path_factory.mktemp(kind)))

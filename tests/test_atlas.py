@@ -7,6 +7,7 @@ import pytest
 
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Regions
 from actin_xcheck.studies.theory.curves import pictures, plots
 from actin_xcheck.studies.theory.regions import (
@@ -30,6 +31,7 @@ from actin_xcheck.theory import (
     wavenumber,
 )
 from actin_xcheck.theory.borders import at, cell_branches, prove
+from tests.colours import SEEN, lab, linear
 
 CELLS = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE]
 SOFT = 1.75 / 1.5
@@ -158,6 +160,18 @@ def test_maps_have_their_size_and_write_labels_into_their_bands(planes):
         assert len(one.labels) >= 8
         for text, psi, p in one.labels:
             assert name(one, psi, p).startswith(text)
+
+
+def test_neighbours_on_a_map_are_told_apart_in_grey_and_by_every_eye(planes):
+    for key, one in planes.items():
+        colour = {each.label: each.colour for each in draw(one, "/x", key).legend}
+        pairs = set()
+        for here, beside in ((one.codes[1:], one.codes[:-1]), (one.codes[:, 1:], one.codes[:, :-1])):
+            pairs |= set(zip(here[here != beside].tolist(), beside[here != beside].tolist(), strict=True))
+        for pair in pairs:
+            first, second = (linear(colour[one.names[code]]) for code in pair)
+            assert abs(lab(first)[0] - lab(second)[0]) > 7.5, pair
+            assert min(np.linalg.norm(lab(eye @ first) - lab(eye @ second)) for eye in SEEN.values()) > 12
 
 
 def test_a_border_in_the_wrong_place_is_an_error():

@@ -10,9 +10,9 @@ import typer
 from actin_xcheck.cli import converge
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.draw import draw
-from actin_xcheck.report.exhibit_file import read_exhibit, write_exhibit
-from actin_xcheck.report.exhibits import Line, Plot
+from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
@@ -216,13 +216,13 @@ def test_a_logarithmic_plot_with_a_guide_comes_back_and_is_drawn(tmp_path):
     )
     plot = Plot("key", "title", "note", "h", lines, (("✕", 0.25),), log=True)
     with h5py.File(tmp_path / "plot.h5", "w") as file:
-        write_exhibit(file.create_group("plot"), plot)
-        read = read_exhibit(file["plot"])
+        write_record(file.create_group("plot"), plot)
+        read = read_record(file["plot"], Exhibit)
     assert read.log
     assert [line.guide for line in read.lines] == [False, True]
     drawn = draw(read, "/plot", "p")
     assert [key.shape for key in drawn.legend] == ["line", "guide"]
-    assert ">0.05<" in drawn.svg  # a plain number: nothing typesets mathematics
+    assert ">0.001<" in drawn.svg  # a plain number: nothing typesets mathematics
     assert "mathdefault" not in drawn.svg
 
 

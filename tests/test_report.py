@@ -268,14 +268,6 @@ def test_a_page_with_faults_would_be_noticed(browser: Browser, tmp_path: Path) -
         assert fault in found
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-def test_the_page_fits_its_window(browser: Browser, reported: tuple[Path, list[Claim]], width: int) -> None:
-    screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
-    browser.ask("Emulation.setDeviceMetricsOverride", **screen)
-    browser.complaints(reported[0])
-    assert browser.evaluate("document.documentElement.scrollWidth") <= width
-
-
 def test_ink_follows_the_readers_theme(browser: Browser, reported: tuple[Path, list[Claim]]) -> None:
     colours = set()
     for theme in ("light", "dark"):

@@ -3,58 +3,26 @@
 import json
 import re
 from collections.abc import Callable, Iterator
-from functools import cache
 from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 import actin_xcheck
-from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.report.svg import styled, svg
 from actin_xcheck.runs.store import read_comparison
-from actin_xcheck.studies.chart import examine as charting
-from actin_xcheck.studies.chart import points as planning
-from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.page import write_page
 from tests.chromium import Browser
-from tests.frontiers import small
-from tests.studies import carry
+from tests.legible import unreadable
 from tests.test_dashboard import click, press
-from tests.test_report import write_comparison_of_everything
 
 STATIC = Path(actin_xcheck.__file__).parent / "report" / "static"
-CURVES, WORK, MAP = "curves", "work", "map"
+CURVES, WORK, MAP = "curves", "chart", "frontier"
 
 Pages = Callable[[str], Path]
-"""Makes a page of a kind, once."""
-
-
-@pytest.fixture(scope="module")
-def page_of(tmp_path_factory: pytest.TempPathFactory) -> Pages:
-    """A comparison, a work-precision chart or a frontier, each small and made when it is first asked for."""
-
-    @cache
-    def made(kind: str) -> Path:
-        folder = tmp_path_factory.mktemp(kind)
-        with pytest.MonkeyPatch.context() as monkeypatch:
-            if kind == CURVES:
-                write_comparison_of_everything(folder, refine=2)
-                write_report(folder)
-            elif kind == WORK:
-                monkeypatch.setattr(planning, "REFINES", {True: (2, 3), False: (1, 2)})
-                reference = (("fem-p1-imex2", 1, 1e-3), ("fem-p1-imex2", 2, 1e-4))
-                monkeypatch.setattr(planning, "REFERENCE", {True: reference})
-                monkeypatch.setattr(charting, "reference_kernel", lambda: np.array([0.05, 0.05]))
-                chart_command("static-decay", ["fem-p1-imex2"], folder, True, True)
-            else:
-                carry(folder, small(), name="frontier")
-                write_page(folder / "frontier.h5")
-        return folder / "index.html"
-
-    return made
+"""Makes a page of a kind, once: a comparison, a work-precision chart or a frontier."""
 
 
 @pytest.fixture(autouse=True)
@@ -148,6 +116,29 @@ def test_a_box_is_zoomed_to_and_a_double_click_shows_all(browser: Browser, page_
     assert chart.view == pytest.approx(first)
     assert chart.markup == before
     assert browser.evaluate(f"{chart.svg}.querySelectorAll('.ticks text').length") == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        *((CURVES, one) for one in ("Area |Ω|", "Centroid", "|Balance residual|")),
+        ("paper", "close"),
+        ("paper", "decades"),
+        *(pytest.param(one, NAMES[one], marks=pytest.mark.slow) for one in (WORK, MAP)),
+    ],
+)
+def test_axes_can_be_read_however_far_they_are_zoomed(
+    browser: Browser, page_of: Pages, kind: str, name: str
+) -> None:
+    page = page_of(kind)
+    assert browser.complaints(page) == []
+    browser.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+    chart = Zoomed(browser, name)
+    browser.evaluate(f"{chart.frame}.focus()")
+    for _ in range(8):
+        press(browser, "+", 187, "+")
+        assert browser.evaluate(f"{chart.svg}.matches('.zoomed')")
+        assert unreadable(browser) == []
 
 
 def test_buttons_zoom(browser: Browser, page_of: Pages) -> None:
@@ -263,7 +254,7 @@ def test_buttons_have_names_and_paper_has_none_of_them(browser: Browser, page_of
 
 
 def test_a_drawing_says_what_follows_its_axes() -> None:
-    with styled():
+    with styled(), rc_context({"figure.constrained_layout.use": False}):
         figure = Figure(figsize=(4, 2))
         axes = figure.add_axes((0.25, 0.5, 0.5, 0.4), xlabel="x <1>", xlim=(1, 100), ylim=(0, 2))
         axes.set_xscale("log")

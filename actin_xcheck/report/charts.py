@@ -73,11 +73,7 @@ def charts(runs: Sequence[Run], prefix: str) -> list[Chart]:
 
 def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
     figure = Figure(figsize=(4.2, 2.5))
-    axes = figure.add_axes((0.15, 0.16, 0.82, 0.76), xlabel="t")  # fixed: a layout engine draws twice
-    if quantity.log:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")
-        axes.yaxis.set_minor_formatter(lambda value, _: "")
+    axes = figure.add_subplot(xlabel="t", yscale="log" if quantity.log else "linear")
     for run, style in zip(runs, STYLES * len(runs), strict=False):
         if not all(name in run.series for name in quantity.series):
             continue
@@ -94,8 +90,7 @@ def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
             _predict(
                 axes, time, np.abs(quantity.lines(run)[0]), float(run.attributes["growth_rate_predicted"])
             )
-    if not quantity.log:
-        calm(axes)
+    calm(axes)
     return Chart(
         quantity.title,
         quantity.note,

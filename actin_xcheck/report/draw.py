@@ -4,13 +4,13 @@
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.cells import OUTLINE, Brush, Canvas, ColourBar, Panel, colours, window
@@ -30,13 +30,16 @@ from actin_xcheck.report.lattice import Divided, divided
 from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
 
 _BANDS = (
-    *("#26366e", "#b3b1ab", "#4b1c22", "#7b4fa3", "#3f9b5f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
-    *("#e08bb4", "#e8935a", "#5a5fc7", "#b7d98a", "#c96f6f", "#56b3a8", "#a8734a", "#f1dca7", "#6d7f3a"),
+    *("#30458c", "#b3b1ab", "#4b1c22", "#7b4fa3", "#34874f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
+    *("#e08bb4", "#f6c08f", "#5a5fc7", "#b7d98a", "#c96f6f", "#56b3a8", "#a8734a", "#f1dca7", "#6d7f3a"),
 )
-"""Colours of regions by code; neighbours differ in lightness too."""
+"""Colours of regions by code; neighbours on the maps of theory differ in lightness too."""
 
 TEXT_WIDTH = 0.0125
 """Width of a letter of a map's label in units of the map's."""
+
+_WIDTH, _NARROW = 220.0, 4.6
+"""Least width of a plot, and that of a letter above it, in points."""
 
 _ON_LIGHT, _ON_DARK = "#101418", "#ffffff"
 _NUMBER = re.compile(r"[-+−]?(\d[\d.,]*|none|decay)?([eE][-+]?\d+)?( ± [\d.]+i)? ?%?")
@@ -119,33 +122,37 @@ def _plot(plot: Plot, path: str, prefix: str) -> Drawing:
     legend = []
     with styled():
         figure = Figure(figsize=(4.2, 2.5))
-        axes = figure.add_axes((0.15, 0.16, 0.82, 0.74), xlabel=plot.xlabel)
+        axes = figure.add_subplot(xlabel=plot.xlabel)
         if plot.log:
             axes.set(xscale="log", yscale="log")
         for number, line in enumerate(plot.lines):
             legend.append(_line(axes, line, STYLES[number % len(STYLES)], "o" if plot.log else ""))
-        for name, x in plot.marks:
-            axes.axvline(x, color=INK, linewidth=0.7, linestyle=(0, (1, 2.2)))
-            axes.annotate(
-                name, (x, 1), (0, 2), ("data", "axes fraction"), "offset points", ha="center", fontsize=7
-            )
-        if plot.log:
-            _label_decades(axes)
-        else:
-            calm(axes)
+        calm(axes)
+        _mark(axes, plot.marks)
         return Drawing(
             "plot", plot.title, plot.note, path, svg(figure, plot.title, prefix), legend=tuple(legend)
         )
 
 
-def _label_decades(axes: Axes) -> None:
-    """Labels of two logarithmic axes as plain numbers, since no mathematics is typeset."""
-    for axis, digits, labelled in (axes.xaxis, "g", (1, 2, 5)), (axes.yaxis, ".0e", (1, 3)):
-        low, high = sorted(axis.get_view_interval())
-        # over many decades a locator with several labels in each returns none
-        axis.set_major_locator(LogLocator(subs=labelled if high < 1e4 * low else (1,)))
-        axis.set_major_formatter("{x:" + digits + "}")
-        axis.set_minor_formatter("")
+def _mark(axes: Axes, marks: Sequence[tuple[str, float]]) -> None:
+    """Draw uprights with their names above them, in as many rows as keep names apart."""
+    for _, x in marks:
+        axes.axvline(x, color=INK, linewidth=0.7, linestyle=(0, (1, 2.2)))
+    rows: list[float] = []  # where the names in each end
+    for name, x in sorted(marks, key=lambda mark: mark[1]):
+        place = axes.transAxes.inverted().transform(axes.transData.transform((x, 1)))[0] * _WIDTH
+        half = _NARROW * (len(name) + 1) / 2
+        row = next((i for i, end in enumerate(rows) if end <= place - half), len(rows))
+        rows[row : row + 1] = [place + half]
+        axes.annotate(
+            name,
+            (x, 1),
+            (0, 2 + 8 * row),
+            ("data", "axes fraction"),
+            "offset points",
+            ha="center",
+            fontsize=7,
+        )
 
 
 def _line(axes: Axes, line: Line, style: Style, marker: str) -> Key:
@@ -197,7 +204,7 @@ def _regions(regions: Regions, path: str, prefix: str) -> Drawing:
     bands = [_BANDS[code % len(_BANDS)] for code in range(len(regions.names))]
     with styled():
         figure = Figure(figsize=(5.2, 4.0))
-        axes = figure.add_axes((0.11, 0.11, 0.87, 0.87), xlabel=regions.xlabel, ylabel=regions.ylabel)
+        axes = figure.add_subplot(xlabel=regions.xlabel, ylabel=regions.ylabel)
         axes.grid(False)
         half_x, half_y = (np.ptp(centres) / (len(centres) - 1) / 2 for centres in (regions.x, regions.y))
         extent = (

@@ -9,6 +9,7 @@ import numpy as np
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Classes, Places
 from actin_xcheck.report.svg import axes_data
+from actin_xcheck.report.ticks import ticks
 
 Node = tuple[int, int]
 """Column and row."""
@@ -16,31 +17,34 @@ Node = tuple[int, int]
 Box = tuple[float, float, float, float]
 """Left, right, bottom and top, in places of the lattice."""
 
-FRAME = {"width": 420, "height": 330, "left": 46, "right": 404, "top": 8, "bottom": 292}
+FRAME = {"width": 420, "height": 330, "left": 64, "right": 404, "top": 8, "bottom": 292}
 """A drawing and, within it, its axes: right and down."""
 
+_LETTERS = 9 / 11
+"""Height of other drawings' letters over these'."""
+
 _COLOURS = {
-    "accurate": "#3f9b6f",
-    "silently wrong": "#e8743b",
-    "ends with the model": "#8b95a5",
-    "truth unknown": "#d9d3c0",
-    "not run": "var(--line)",
+    "not run": "#f8f6f2",
+    "accurate": "#9ceac9",
+    "truth unknown": "#cebb71",
+    "ends with the model": "#91a6b8",
+    "silently wrong": "#e95c02",
 }
 _FAILED = "failed: "
 """What the classes of failures begin with; then comes the Outcome."""
 
 _FAILURES = {
-    Ending.TANGLED: "#3a57a6",
-    Ending.SINGULAR_DILATION: "#7b3fa0",
-    Ending.NEGATIVE_CONCENTRATION: "#1d8fa8",
-    Ending.STEP_TOO_SMALL: "#5b3a2a",
-    Ending.NOT_CONVERGED: "#b0306a",
-    Ending.NON_FINITE: "#111827",
-    Ending.INTERRUPTED: "#6b7a1f",
+    Ending.NEGATIVE_CONCENTRATION: "#68744a",
+    Ending.TANGLED: "#575c85",
+    Ending.SINGULAR_DILATION: "#852d62",
+    Ending.STEP_TOO_SMALL: "#02492f",
+    Ending.NOT_CONVERGED: "#4d213a",
+    Ending.INTERRUPTED: "#340d4f",
+    Ending.NON_FINITE: "#01161b",
 }
+"""From light to dark, so that no two are one grey; apart for eyes without red, green or blue too."""
 
 _DASHES = ("6 3", "1.5 2.5", "9 2 2 2", "3 2", "12 3")
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -126,15 +130,12 @@ class _Scale:
         return self.at(self._back(float(np.interp(number, range(len(values)), values))))
 
     def ticks(self) -> tuple[_Tick, ...]:
-        """Labels: decades, every width of the mesh, or halves."""
-        low, high = self.axis.values[0], self.axis.values[-1]
+        """Labels: of every width of the mesh, else of round numbers."""
         if self.axis.label == "h":
             return tuple(_Tick(self.at(value), f"1/{round(1 / value)}") for value in self.axis.values)
-        if self.axis.log:
-            decades = range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
-            return tuple(_Tick(self.at(10.0**n), "10" + str(n).translate(_SUPERSCRIPTS)) for n in decades)
-        halves = np.arange(math.ceil(2 * low), math.floor(2 * high) + 1) / 2
-        return tuple(_Tick(self.at(value), f"{value:g}".replace("-", "−")) for value in halves.tolist())
+        room = _LETTERS * abs(self.high - self.low)
+        found = ticks(*self.ends, room, across=self.high > self.low)
+        return tuple(_Tick(self.at(value), label) for value, label in found)
 
     def _measure(self, value: float) -> float:
         return math.log(value) if self.axis.log else value

@@ -21,6 +21,9 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.spines import Spine
 from matplotlib.text import Annotation
+from matplotlib.ticker import FixedLocator, NullLocator
+
+from actin_xcheck.report.ticks import ticks
 
 INK = "#0d0e0f"
 """Stand-in for the page's ink."""
@@ -38,7 +41,9 @@ _STYLE = {
     "grid.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.formatter.limits": (-3, 4),  # labels short enough for their margin
+    "figure.constrained_layout.use": True,  # margins as wide as what stands in them
+    "figure.constrained_layout.w_pad": 0.03,
+    "figure.constrained_layout.h_pad": 0.03,
 }
 
 
@@ -51,10 +56,10 @@ class Style:
 
 
 STYLES = (
-    *(Style("#5b9bf0", 3.6), Style("#e4572e", 1.5), Style("#2a9d6e", 1.2), Style("#a463c9", 1.0)),
-    *(Style("#c98a00", 1.0), Style("#1aa3b5", 1.0), Style("#d4569b", 1.0), Style("#8a8f98", 1.0)),
+    *(Style("#527ed4", 3.6), Style("#cd3122", 1.5), Style("#20814d", 1.2), Style("#9c4fa3", 1.0)),
+    *(Style("#bd8b0b", 1.0), Style("#06a5ac", 1.0), Style("#e85e9f", 1.0), Style("#6f707a", 1.0)),
 )
-"""Lines mostly coincide, so each is drawn thinner than the one before, on top of it."""
+"""Lines mostly coincide, so each is drawn thinner than the one before, on top of it; apart for every eye."""
 
 
 def styled() -> AbstractContextManager[None]:
@@ -65,7 +70,7 @@ def styled() -> AbstractContextManager[None]:
 def calm(axes: Axes) -> None:
     """Keep the value axis from magnifying round-off: it spans at least 1e-9 of what it shows."""
     low, high = axes.get_ylim()
-    least = 1e-9 * max(1.0, abs(low), abs(high))
+    least = 1e-9 * max(0.0 if axes.get_yscale() == "log" else 1.0, abs(low), abs(high))
     if high - low < least:
         middle = (low + high) / 2
         axes.set_ylim(middle - least / 2, middle + least / 2)
@@ -95,6 +100,7 @@ def svg(figure: Figure, label: str, prefix: str) -> str:
     prefix : keeps ids apart from those of other drawings on the page.
     """
     (axes,) = figure.axes
+    _number(figure, axes)
     follows = _follow(axes)
     buffer = StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
@@ -109,6 +115,16 @@ def svg(figure: Figure, label: str, prefix: str) -> str:
     text = text.replace(INK, "currentColor").replace(_GRID, "var(--line)")
     data = f"data-axes='{escape(_axes_of(figure, axes))}'"
     return text.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" {data} ', 1)
+
+
+def _number(figure: Figure, axes: Axes) -> None:
+    """Number the axes that no names stand along; a third of their length is left to the margins."""
+    width, height = 72 * figure.get_size_inches() * 2 / 3
+    for axis, room, across in ((axes.xaxis, width, True), (axes.yaxis, height, False)):
+        if not isinstance(axis.get_major_locator(), FixedLocator):
+            low, high = sorted(axis.get_view_interval())
+            axis.set_ticks(*zip(*ticks(axis.get_scale(), low, high, room, across), strict=True))
+            axis.set_minor_locator(NullLocator())
 
 
 def _axes_of(figure: Figure, axes: Axes) -> str:

@@ -35,7 +35,7 @@ def triangle_picture(triangle: Triangle, styles: Mapping[str, Style], prefix: st
     with styled():
         height = 0.62 + 0.22 * len(corners)
         figure = Figure(figsize=(4.2, height))
-        axes = figure.add_axes((0.2, 0.5 / height, 0.74, 1 - 0.56 / height), ylim=(0.6 - len(corners), 0.6))
+        axes = figure.add_subplot(ylim=(0.6 - len(corners), 0.6))
         axes.set_xlabel(f"distance from {origin.value:.6g} ({origin.name})")
         used = [styles.get(name, _THEORY) for name in triangle.methods]
         for row, (corner, style) in enumerate(zip(corners, [*used, _THEORY], strict=False)):
@@ -45,6 +45,5 @@ def triangle_picture(triangle: Triangle, styles: Mapping[str, Style], prefix: st
             )
         axes.set_yticks([-row for row in range(len(corners))], [corner.name for corner in corners])
         axes.tick_params(axis="y", length=0)
-        axes.locator_params(axis="x", nbins=4)
         axes.grid(axis="y", visible=False)
         return TrianglePicture(triangle, svg(figure, f"{triangle.words}, by both codes", prefix))

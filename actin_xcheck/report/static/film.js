@@ -3,9 +3,9 @@
 {
   const STEPS = 65534, INTERVAL = 900, LEVELS = 256, OUTLINE = "#8a8f98";
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
-  const short = value => String(Number(value.toPrecision(4))).replace("-", "−");
+  const short = value => String(Number(value.toPrecision(4))).replaceAll("-", "−");
   const close = (low, high) => high - low < 1e-2 * Math.abs(high) ? 9 : 4;
-  const range = (low, high) => (low === high ? [low] : [low, high]).map(v => String(Number(v.toPrecision(close(low, high)))).replace("-", "−")).join(" … ");
+  const range = (low, high) => (low === high ? [low] : [low, high]).map(v => String(Number(v.toPrecision(close(low, high)))).replaceAll("-", "−")).join(" … ");
   const mix = (one, other, part) => one.map((value, i) => value + (other[i] - value) * part);
 
   const palette = stops => Array.from({ length: LEVELS }, (_, level) => {
@@ -170,7 +170,7 @@
       let here = "";
       if (probe && shot) {
         const value = this.under(probe);
-        here = value === null ? " · outside" : ` · ${String(Number(value.toPrecision(close(...ends) === 9 ? 9 : 5))).replace("-", "−")} at the mark`;
+        here = value === null ? " · outside" : ` · ${String(Number(value.toPrecision(close(...ends) === 9 ? 9 : 5))).replaceAll("-", "−")} at the mark`;
         pen.strokeStyle = "#fff";
         for (const [colour, width] of [["#000", 3], ["#fff", 1.4]]) {
           pen.strokeStyle = colour;

@@ -68,8 +68,13 @@
     return one;
   };
   const plain = value => {
-    const short = Number(value.toPrecision(10)), size = Math.abs(short);
+    const short = Number(value.toPrecision(15)), size = Math.abs(short);
     return size && (size < 1e-3 || size >= 1e5) ? short.toExponential().replace("e+", "e") : String(short);
+  };
+  const labels = (values, log) => {
+    const largest = Math.max(...values.map(Math.abs)), digits = Math.ceil(-Math.log10(values[1] - values[0]) - 1e-6);
+    const even = !log && largest >= 1e-3 && largest < 1e5;
+    return values.map(value => (even ? value.toFixed(within(digits, 0, 15)) : plain(value)).replaceAll("-", "−"));
   };
 
   class Chart {
@@ -85,9 +90,7 @@
       this.logs = [said.x[0] === "log", said.y[0] === "log"];
       this.moved = [...svg.querySelectorAll("[data-zoom]")].flatMap(group => this.movedBy(group));
       this.series = this.seriesOf(svg);
-      this.old = [...svg.querySelectorAll('g[id*="xtick_"], g[id*="ytick_"], .tick'),
-        ...[...svg.querySelectorAll('g[id*="matplotlib.axis_"] > g[id*="text_"]')]
-          .filter(one => !said.names.includes(one.textContent.trim()))];
+      this.old = [...svg.querySelectorAll('g[id*="xtick_"], g[id*="ytick_"], .tick')];
       const first = svg.querySelector("[data-zoom]");
       this.ticks = document.createElementNS(svg.namespaceURI, "g");
       this.ticks.setAttribute("class", "ticks");
@@ -180,25 +183,29 @@
       return this.tell(named.join(", "), this.zoomed);
     }
 
+    // Whole numbers, as report/ticks.py writes them: where they are long, fewer have room below, and stand within.
     drawTicks(ends) {
-      const [left, top, right, bottom] = this.box;
-      ends.forEach((domain, across) => {
-        const range = across ? [bottom, top] : [left, right];
-        const scale = this.home[across].copy().domain(domain).range(range);
-        const values = scale.ticks(across ? 4 : 5);
-        let label = scale.tickFormat(across ? 4 : 5, this.logs[across] ? plain : undefined);
-        const base = this.logs[across] ? 0 : values[0];
-        if (!this.logs[across] && values.some(value => label(value).length > 7)) {
-          label = value => plain(Number((value - base).toPrecision(2))).replace("-", "−");
-          svgElement("text", across ? { x: left, y: top - 1, "text-anchor": "start" }
-            : { x: right, y: bottom + 24, "text-anchor": "end" }, this.ticks).textContent = "+ " + plain(base);
-        }
-        for (const value of values.filter(label)) {
-          const place = scale(value);
-          svgElement("line", across ? { x1: left, x2: right, y1: place, y2: place }
+      const [left, top, right, bottom] = this.box, letter = 5.8;
+      ends.forEach((domain, up) => {
+        const range = up ? [bottom, top] : [left, right], scale = this.home[up].copy().domain(domain).range(range);
+        const edge = this.svg.viewBox.baseVal[up ? "height" : "width"];
+        const counted = count => {
+          const even = d3.scaleLinear(domain, range).ticks(count);
+          const decades = this.logs[up] ? scale.ticks(count).filter(scale.tickFormat(count, plain)) : [];
+          const values = decades.length < 3 ? even : decades, said = labels(values, this.logs[up] && values === decades);
+          const half = said.map(one => up ? 6 : one.length * letter / 2);
+          return values.map((value, i) => ({ place: scale(value), said: said[i], half: half[i] }))
+            .filter(({ place, half }) => place > half && place < edge - half);
+        };
+        const apart = all => all.length > 2 && all.every((one, i) => !i
+          || Math.abs(one.place - all[i - 1].place) > one.half + all[i - 1].half + (up ? 0 : letter));
+        const shown = [5, 4, 3, 2, 6, 8].map(counted).find(apart) ?? counted(2);
+        const inside = up && Math.max(...shown.map(one => one.said.length)) * letter > left - 5;
+        for (const { place, said } of shown) {
+          svgElement("line", up ? { x1: left, x2: right, y1: place, y2: place }
             : { x1: place, x2: place, y1: top, y2: bottom }, this.ticks);
-          svgElement("text", across ? { x: left - 5, y: place + 3, "text-anchor": "end" }
-            : { x: place, y: bottom + 12, "text-anchor": "middle" }, this.ticks).textContent = label(value);
+          svgElement("text", up ? { class: "y", x: inside ? left + 3 : left - 5, y: place + 3, "text-anchor": inside ? "start" : "end" }
+            : { class: "x", x: place, y: bottom + 12, "text-anchor": "middle" }, this.ticks).textContent = said;
         }
       });
     }

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import CAVEATS, Array
@@ -160,8 +159,8 @@ def _drawn(chart: Chart, work: _Work, quantity: Quantity, styles: dict[str, Styl
     judged = np.array(chart.judged(quantity))
     with styled():
         figure = Figure(figsize=(4.2, 3.1))
-        axes = figure.add_axes((0.13, 0.14, 0.84, 0.83), xlabel=work.xlabel)
-        _logarithmic(axes, (x.min() / 2, x.max() * 2), _limits(chart, quantity))
+        limits = {"xlim": (x.min() / 2, x.max() * 2), "ylim": _limits(chart, quantity)}
+        axes = figure.add_subplot(xlabel=work.xlabel, xscale="log", yscale="log", **limits)
         _lines(axes, chart, quantity)
         for method, style in styles.items():
             own = [i for i, point in enumerate(chart.points) if _method_of(point) == method]
@@ -188,15 +187,6 @@ def _drawn(chart: Chart, work: _Work, quantity: Quantity, styles: dict[str, Styl
     )
 
 
-def _logarithmic(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
-    """Two logarithmic axes from limit to limit; decades are labelled, and 3 between few of them."""
-    axes.set(xscale="log", yscale="log", xlim=x, ylim=y)
-    for axis, (low, high) in ((axes.xaxis, x), (axes.yaxis, y)):
-        axis.set_major_locator(LogLocator(subs=(1, 3) if high < 300 * low else (1,), numticks=9))
-        axis.set_major_formatter(lambda value, _: f"{value:g}" if 5e-2 < value < 1e4 else short(value))
-        axis.set_minor_formatter("")
-
-
 def _limits(chart: Chart, quantity: Quantity) -> tuple[float, float]:
     """Lowest and highest error shown; the rail of failed runs lies above."""
     errors = np.array([point.errors[quantity] for point in chart.points])
@@ -216,13 +206,14 @@ def _lines(axes: Axes, chart: Chart, quantity: Quantity) -> None:
         below = 2 * _RAIL - 1  # as far from the marks as the upper edge
         axes.plot([0, 1], [below, below], color=INK, linewidth=0.4, transform=axes.transAxes)
         axes.text(0.01, 0.995, "failed", transform=axes.transAxes, fontsize=7, va="top")
-    if quantity is Quantity.CONCENTRATION:
+    low, high = axes.get_ylim()
+    if quantity is Quantity.CONCENTRATION and low < WRONG < high:
         axes.axhline(WRONG, color=_RED, linewidth=0.8, linestyle=(0, (4, 3)))
         axes.text(0.995, WRONG, "silently inaccurate", transform=right, color=_RED, **small)
     floor = chart.known[quantity].floor
-    if floor > axes.get_ylim()[0]:
+    if floor > low:
         axes.axhline(floor, color=INK, linewidth=0.9, linestyle=(0, (1, 2.2)))
-        axes.text(0.995, floor, "the reference's own error", transform=right, **small)
+        axes.text(0.005, floor, "the reference's own error", transform=right, **(small | {"ha": "left"}))
 
 
 def _mark(axes: Axes, chart: Chart, number: int, quantity: Quantity, values: Array, colour: str) -> None:
