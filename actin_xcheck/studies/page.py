@@ -1,7 +1,6 @@
 """The page of a study, from its file alone: what it comes to, its claims, what it draws, its tables."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -99,9 +98,8 @@ def study_file(folder: Path) -> Path | None:
 
 def _shown(name: str, group: h5py.Group) -> Shown:
     """A table with the columns that its study wants to be seen, all without a choice."""
-    chosen: Sequence[str] = list(group.attrs["shown"]) or [
-        one for one in group if isinstance(group[one], h5py.Dataset)
-    ]
+    plain = [one for one in group if isinstance(group[one], h5py.Dataset)]
+    chosen = [one for one in group.attrs["shown"] if one in plain] or plain  # none of a table without rows
     columns, cells = [], []
     for field in chosen:
         stored = group[field]
