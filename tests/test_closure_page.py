@@ -249,7 +249,7 @@ def test_a_report_goes_on_where_it_was(folder, monkeypatch):
 
     for module in (examination, record):
         monkeypatch.setattr(module, "provenance", lambda: {"commit": "clean"})
-    monkeypatch.setattr(examination, "work_off", lambda work, tasks, told: [refuse(one) for one in tasks])
+    monkeypatch.setattr(examination, "work_off", lambda work, tasks, *_: [refuse(one) for one in tasks])
     examine(TINY, folder, "again")
     monkeypatch.setattr(examination, "provenance", lambda: {"commit": "another"})
     with pytest.raises(AssertionError):

@@ -95,7 +95,7 @@ def examine(
         done += cost
         report(f"{len(tasks)} measurements", done, whole)
 
-    for task, result in zip(tasks, work_off(work, tasks, told), strict=True):
+    for task, result in zip(tasks, work_off(work, tasks, told, lambda task: str(task.asked)), strict=True):
         found[task.asked] = result
     stated: dict[str, str | int | float] = {"command": command, "scene": load_scene(BASE).text}
     write_closures(folder / FILE_NAME, [found[one] for one in asked], stated)

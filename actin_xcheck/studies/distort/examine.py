@@ -125,8 +125,14 @@ def _run(wanted: Sequence[Case | str], folder: Path, report: Report) -> dict[Cas
         done += 1
         report("distorted meshes", done, len(wanted))
 
-    answers.update(zip(left, work_off(work, [tasks[what] for what in left], over), strict=True))
+    answers.update(zip(left, work_off(work, [tasks[what] for what in left], over, _named), strict=True))
     return answers
+
+
+def _named(task: Task) -> str:
+    """What a task is called."""
+    case = task.what
+    return "the truth of a scene" if isinstance(case, str) else f"{case.method} on {case.mesh_name}"
 
 
 def _row(scene: Scene, case: Case, answer: Answer, truth: Truth) -> Row:

@@ -21,7 +21,7 @@ def examine(
         finished += done == total
         report("runs", finished, len(tasks))
 
-    attempts = work_off(attempt, tasks, count)
+    attempts = work_off(attempt, tasks, count, lambda task: task.command)
     found = breakdowns(attempts)
     write_extremes(folder / FILE_NAME, attempts, found, command)
     return attempts, found

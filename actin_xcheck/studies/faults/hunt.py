@@ -100,13 +100,18 @@ def hunt(
     """
     targets = tuple(dict.fromkeys(fault.target for fault in faults))
     tasks = [(check, targets) for check in suite]
-    clean = work_off(_without, tasks, _counted(report, "without a fault", len(tasks)))
+    clean = work_off(_without, tasks, _counted(report, "without a fault", len(tasks)), _named)
     order = sorted(
         (one for one in clean if not one.red), key=lambda one: (not one.check.bounded, one.seconds)
     )
     held = [(fault, [one.check for one in order if fault.target in one.reached]) for fault in faults]
-    found = work_off(held_against, held, _counted(report, "with a fault", len(held)))
+    found = work_off(held_against, held, _counted(report, "with a fault", len(held)), _named)
     return Hunt(tuple(clean), tuple(found))
+
+
+def _named(task: tuple[Check | Fault, object]) -> str:
+    """What a task is called."""
+    return task[0].name
 
 
 def _counted(report: Report, label: str, total: int) -> Report:
