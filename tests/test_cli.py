@@ -235,6 +235,7 @@ def test_reports_of_the_same_second_have_folders_of_their_own(tmp_path, monkeypa
 
 
 @posix
+@pytest.mark.slow
 def test_a_system_without_memory_is_one_line(tmp_path):
     limit = "import resource; resource.setrlimit(resource.RLIMIT_AS, (2 * 2**30, 2 * 2**30))"
     asked = "run growing-disk --method fem-p1-paper --refine 10 --dt 0.1 --fidelity full --out run.vtkhdf"
