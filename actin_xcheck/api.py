@@ -5,7 +5,6 @@ that fails is a result like any other, and says so in its `outcome`.  `cross_che
 processes: a script calls them under `if __name__ == "__main__":`.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,6 +13,7 @@ from actin_xcheck.cli.options import make_folder, report_folder
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
+from actin_xcheck.runs.executor import jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
@@ -134,7 +134,7 @@ def sweep(
     file : a TOML file of ranges over a scene, or of scenes.
     methods : one or several names out of `actin_xcheck.runs.method.METHODS`.
     out : folder of the runs; what is there already is not run again.
-    jobs : processes on this machine; else as many as it has cores.
+    jobs : processes on this machine; else as many as it has cores; not with `scheduler`.
     scheduler : address of a `dask.distributed` scheduler, in place of `jobs`.
     refine, dt, rtol, fidelity : as for `run`.
 
@@ -145,7 +145,7 @@ def sweep(
     names = [methods] if isinstance(methods, str) else list(methods)
     numerics = Numerics(names[0], refine, dt, rtol, _fidelity(fidelity))
     planned = plan(Path(file), names, numerics, make_folder(Path(out)), "actin_xcheck.sweep")
-    table, _ = carry_out(planned, jobs or os.cpu_count() or 1, scheduler, lambda label, done, total: None)
+    table, _ = carry_out(planned, jobs_asked(jobs, scheduler), scheduler, lambda label, done, total: None)
     return table
 
 

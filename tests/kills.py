@@ -115,19 +115,20 @@ def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = Fal
 
     scene, method = kind.loaded, METHODS[kind.method]
     reduction = reduced(scene, method, kind.fidelity, kind.rtol)
-    return runs.run(
-        scene,
-        method,
-        kind.refine,
-        kind.dt,
-        path,
-        "",
-        progress,
-        kind.rtol,
-        reduction,
-        resume,
-        heeds_signals=True,
-    )
+    with checkpoint.stop_signals() as stop:
+        return runs.run(
+            scene,
+            method,
+            kind.refine,
+            kind.dt,
+            path,
+            "",
+            progress,
+            kind.rtol,
+            reduction,
+            resume,
+            stop=stop,
+        )
 
 
 def work(kind: Kind, path: Path, resume: bool) -> None:

@@ -1,6 +1,8 @@
 """Nights of checks that do nothing, or nothing but harm, and what their tests share."""
 
+import errno
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -12,6 +14,7 @@ import typer
 
 from actin_xcheck.cli import nightly as commands
 from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
 from actin_xcheck.nightly.checks import Found, NotDecided
 from actin_xcheck.nightly.history.record import Kind, Number
@@ -44,6 +47,12 @@ class Stub:
             raise ValueError("no such \x01 mesh")
         if self.how == "dies":
             os._exit(7)
+        if self.how == "killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.how == "no memory":
+            raise MemoryError
+        if self.how == "no disk":
+            raise UserError("run.vtkhdf: cannot be written") from OSError(errno.ENOSPC, "No space left")
         if self.how == "undecided":
             raise NotDecided("nothing to decide it by")
         (folder / "kept.txt").write_text("a file")

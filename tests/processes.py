@@ -37,14 +37,21 @@ def wait_until(condition, seconds: float) -> None:
 
 @contextmanager
 def cluster(
-    folder: Path, workers: int, alone: tuple[str, ...] = ("--nthreads", "1", "--no-nanny")
+    folder: Path,
+    workers: int,
+    alone: tuple[str, ...] = ("--nthreads", "1", "--no-nanny"),
+    scheduler: tuple[str, ...] = (),
 ) -> Iterator[tuple[str, list[subprocess.Popen]]]:
     """A scheduler and workers, in processes of their own; without nannies nothing starts a lost one again."""
     address = folder / "scheduler.json"
     dask = [sys.executable, "-m", "dask"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
     here = ["--scheduler-file", str(address), "--no-dashboard"]
-    processes = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *here], **quiet)]
+    processes = [
+        subprocess.Popen(
+            [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *here, *scheduler], **quiet
+        )
+    ]
     try:
         wait_until(address.exists, 60)
         own = [*alone, "--local-directory", str(folder)]

@@ -1,13 +1,20 @@
 """The commands as a user meets them: one line and exit code 2 for a mistake, 1 for a failure, files kept."""
 
+import os
 import subprocess
 import sys
+from datetime import datetime
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from actin_xcheck.cli import options as command_line
+from actin_xcheck.cli.options import report_folder
+from actin_xcheck.runs.executor import cores, jobs_asked
 from actin_xcheck.scene.scene import scene_text
+from tests.processes import posix
 
 SERIES = {
     "time": (), "dt": (), "area": (), "total_actin": (), "balance_residual": (), "centroid": (2,),
@@ -210,3 +217,43 @@ def test_a_mode_that_does_not_exist_is_one_line(tmp_path):
     (tmp_path / "mine.toml").write_text(text)
     done = cli("run", "mine.toml", "--method", "fem-p1-paper", "--out", "x.vtkhdf", cwd=tmp_path)
     one_line(done, "mine.toml", "no mode (2, 40)")
+
+
+def test_reports_of_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
+    class Still(datetime):
+        @classmethod
+        def now(cls):
+            return cls(2026, 3, 4, 5, 6, 7)
+
+    monkeypatch.setattr(command_line, "datetime", Still)
+    monkeypatch.chdir(tmp_path)
+    names = [report_folder(None, "compare").name for _ in range(3)]
+    assert names == ["compare-20260304-050607", "compare-20260304-050607-2", "compare-20260304-050607-3"]
+    assert sorted(path.name for path in (tmp_path / "reports").iterdir()) == names
+    assert report_folder(Path("mine"), "compare") == Path("mine")
+    assert not Path("mine").exists()  # what is asked for is checked first
+
+
+@posix
+@pytest.mark.slow
+def test_a_system_without_memory_is_one_line(tmp_path):
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_AS, (2 * 2**30, 2 * 2**30))"
+    asked = "run growing-disk --method fem-p1-paper --refine 10 --dt 0.1 --fidelity full --out run.vtkhdf"
+    words = ["actin_xcheck", *asked.split()]
+    call = f"import sys; sys.argv = {words}; {limit}; from actin_xcheck.cli.app import main; main()"
+    command = [sys.executable, "-c", call]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert done.stderr.startswith("actin_xcheck: the system has no more memory (")
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processors cannot be taken away here")
+def test_processes_are_as_many_as_processors_may_be_used():
+    allowed = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(allowed)})
+        assert cores() == jobs_asked(None, None) == 1
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert cores() == len(allowed)
+    assert jobs_asked(7, None) == 7

@@ -200,7 +200,7 @@ def process(task, report):
 def test_work_is_done_in_turn_and_here_where_that_is_asked_for():
     said = []
     with in_turn():
-        done = work_off(process, ["b", "a"], lambda *told: said.append(told))
+        done = work_off(process, ["b", "a"], lambda *told: said.append(told), str)
     assert done == [("b", os.getpid()), ("a", os.getpid())]
     assert said == [("b", 1, 1), ("a", 1, 1)]
 

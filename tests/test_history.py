@@ -269,6 +269,14 @@ def test_history_lists_nights_numbers_and_changes(written):
     assert "commit 000000000000 -> 000000000000" not in steps
 
 
+def test_numbers_that_are_not_there_are_a_mistake_that_names_those_that_are(written):
+    for options in ((), ("--json",), ("--steps",)):
+        with pytest.raises(
+            UserError, match=r"^--key: no number is called 'nothing/\*'; valid: such as claim/\*, "
+        ):
+            said("history", "--key", "nothing/*", "--file", written, *options)
+
+
 def test_the_same_as_json(written):
     found = json.loads(said("history", "--steps", "--key", "order/*", "--json", "--file", written))
     assert len(found["nights"]) == NIGHTS

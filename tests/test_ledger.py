@@ -12,7 +12,7 @@ from actin_xcheck.studies.ledger import Entry, in_words, ledger, read, write
 from actin_xcheck.studies.ledger_table import ledger_table
 
 
-def here(work, tasks, report):
+def here(work, tasks, report, name):
     """What `work_off` does, in this process."""
     return [work(task, report) for task in tasks]
 

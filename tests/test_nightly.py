@@ -98,19 +98,38 @@ def test_a_check_that_breaks_down_is_red_and_the_night_goes_on(night, tmp_path, 
     assert "FAIL breaks: broke down: ValueError" in capsys.readouterr().out
 
 
-def test_a_check_without_end_is_stopped_and_red(night, tmp_path, monkeypatch):
+def test_a_check_without_end_is_stopped_and_not_run(night, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(work, "LEAST_PATIENCE", 0.3)
-    assert night(Stub("endless", 0.01, lasts=60), Stub("fine", 0.02)) == 1
+    assert night(Stub("endless", 0.01, lasts=60), Stub("fine", 0.02)) == 0
     kept = only_night(tmp_path)
-    assert kept.done[0].trouble.startswith("was stopped after 0 s")
-    assert kept.done[1].red == 0
+    assert [one.name for one in kept.done] == ["fine"]
+    why = "stopped after 0.3 s; 0.0 s had been expected"
+    assert [(one.name, one.why) for one in kept.left_out] == [("endless", why)]
+    assert f"NOT RUN endless: {why}" in capsys.readouterr().out
 
 
-def test_at_the_end_of_the_budget_what_runs_is_stopped_and_not_red(night, tmp_path):
-    assert night(Stub("fine", 0.0), Stub("slower than thought", 0.1, lasts=60), budget=0.02) == 0
+@pytest.mark.parametrize("expected", [0.1, 0.01])
+def test_at_the_end_of_the_budget_what_runs_is_stopped_and_not_red(night, tmp_path, expected):
+    """However soon it had been expected: of its patience of minutes it had a second."""
+    assert night(Stub("fine", 0.0), Stub("slower than thought", expected, lasts=60), budget=0.02) == 0
     kept = only_night(tmp_path)
+    assert kept.red == 0
     assert kept.seconds < 5
-    assert kept.left_out[0].why.startswith("stopped at the end of the budget")
+    (left,) = kept.left_out
+    assert left.why.startswith("stopped at the end of the budget, after ")
+    assert 0.3 < left.seconds < 1.3
+    known = past(tmp_path / HISTORY)
+    assert known.expected(Stub("slower than thought", 0.1)) == 2 * left.seconds
+    assert night(Stub("slower than thought", 0.1)) == 0  # was it a busy machine?
+    assert past(tmp_path / HISTORY).expected(Stub("slower than thought", 0.1)) < 0.3
+
+
+@pytest.mark.parametrize("how", ["no memory", "no disk"])
+def test_a_machine_that_lacks_what_a_check_needs_has_judged_nothing(night, tmp_path, how):
+    assert night(Stub("starved", how=how), Stub("fine", 1.0)) == 0
+    kept = only_night(tmp_path)
+    assert [one.name for one in kept.done] == ["fine"]
+    assert kept.left_out[0].why.startswith("the machine has not enough memory, disk or files for it (")
 
 
 def test_a_night_that_judges_nothing_is_not_green(night):
@@ -119,18 +138,19 @@ def test_a_night_that_judges_nothing_is_not_green(night):
 
 
 @pytest.mark.slow
-def test_a_process_that_dies_is_red_and_the_night_goes_on(monkeypatch, tmp_path):
+def test_a_process_that_dies_is_red_and_one_that_is_killed_is_not_run(monkeypatch, tmp_path):
     monkeypatch.setattr(work, "SOLVERS", [])
     begun = Begun("n", "2026-01-01", {"commit": "c"}, "m", "c", np.inf, "", "", ("dies", "fine"), 1.0)
     journal = Journal(tmp_path / FILE_NAME)
     journal.begin(begun)
-    plan = Plan((Stub("dies", how="dies"), Stub("fine")))
+    plan = Plan((Stub("dies", how="dies"), Stub("fine"), Stub("killed", how="killed")))
     with executor(1) as processes:
         over, left_out = work.work_through(
             plan, Kept(tmp_path, begun), journal, Past(), processes, work.carry_out, np.inf, QUIET
         )
-    assert [one.trouble for one in over] == ["broke down: a run's process ended with exit code 7", ""]
-    assert left_out == []
+    assert [one.trouble for one in over] == ["broke down: its process ended with exit code 7", ""]
+    (killed,) = left_out
+    assert (killed.name, killed.why[:37]) == ("killed", "its process was ended by SIGKILL (by ")
     assert repr(read_night(tmp_path).done) == repr(tuple(over))  # nan is not nan
 
 

@@ -19,6 +19,7 @@ from actin_xcheck.nightly.groups import Group, group_of, lasting
 from actin_xcheck.nightly.junit import junit
 from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import FILE_NAME
+from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.workers import in_turn as in_this_process
@@ -320,7 +321,7 @@ def test_a_real_night(tmp_path):
     [("fault fv-leak", Group.CONTROLS), ("cost scene m", Group.COST), ("compare scene m", Group.ENDS)],
 )
 def test_what_comes_to_no_verdict_fails_in_its_own_light(check, group):
-    (claim,) = work.broken(check, "was stopped", 1.0).claims
+    (claim,) = work.ended(check, Lost("was stopped", False), 1.0).claims
     assert (claim.verdict, group_of(claim), claim.note) == ("FAIL", group, "was stopped")
 
 

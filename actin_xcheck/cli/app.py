@@ -1,7 +1,11 @@
 """The commands.  A user's mistake is one line on standard error and exit code 2; a failed claim or run, 1."""
 
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn
 
 import numpy as np
@@ -23,6 +27,8 @@ from actin_xcheck.cli.sweep import sweep_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.nightly.dashboard import write_night_page
 from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
+from actin_xcheck.runs.checkpoint import ending_signals
+from actin_xcheck.runs.executor import end_all
 from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
 from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
@@ -102,17 +108,44 @@ def report_command(folder: Path, json: Json = False) -> None:
     conclude(ReportAnswer(command="report", page=str(page)), "", json)
 
 
-def main() -> None:
-    """Entry point: turn a user's mistake into one line and exit code 2."""
+class _Ended(BaseException):
+    """A signal has come that asks to end; not an Exception, so that nothing takes it for one of its own."""
+
+    def __init__(self, number: int) -> None:
+        self.number = signal.Signals(number)
+
+
+@contextmanager
+def _ending() -> Iterator[None]:
+    """Within it `ending_signals` raise _Ended, and behind it no process that was started is left."""
+
+    def end(number: int, frame: FrameType | None) -> NoReturn:
+        raise _Ended(number)
+
+    before = {number: signal.signal(number, end) for number in ending_signals()}
     try:
-        sys.exit(app(standalone_mode=False))
+        yield
+    finally:
+        end_all()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def main() -> None:
+    """Entry point: turn a user's mistake into one line and exit code 2, and leave no process behind."""
+    try:
+        with _ending():
+            sys.exit(app(standalone_mode=False))
     except UserError as error:
         _refuse(str(error))
     except OSError as error:  # a full disk, or a folder that cannot be written
         _refuse(f"{error.filename or 'cannot write'}: {error.strerror or error}")
-    except (KeyboardInterrupt, typer.Abort):
-        print("actin_xcheck: interrupted; what was finished is kept", file=sys.stderr)
-        sys.exit(130)
+    except MemoryError as error:
+        _refuse(f"the system has no more memory ({error or 'no more is known'}); what was finished is kept")
+    except _Ended as end:
+        said = "interrupted" if end.number == signal.SIGINT else f"ended by {end.number.name}"
+        print(f"actin_xcheck: {said}; what was finished is kept", file=sys.stderr)
+        sys.exit(128 + end.number)
     except Exception as error:
         if (message := getattr(error, "format_message", None)) is None:
             raise

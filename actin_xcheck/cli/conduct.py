@@ -45,8 +45,9 @@ def study_command(name: str) -> Callable[[Callable[..., "Study"]], Callable[...,
             json: Json = False,
             **asked: Any,
         ) -> None:
+            study = asked_for(**asked)  # a mistake makes no folder
             folder = report_folder(out_dir, name)
-            report, page = carry_out(name, asked_for(**asked), folder, force, jobs, scheduler, quiet)
+            report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
             if open_page:
                 webbrowser.open(page.resolve().as_uri())
             _say(name, report, page, json)

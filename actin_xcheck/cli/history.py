@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.history.changes import Shape
 from actin_xcheck.nightly.history.database import (
     DEFAULT_PATH,
@@ -36,7 +37,7 @@ Json = Annotated[bool, typer.Option("--json", help="The same as JSON, whole.")]
 
 def history_command(
     key: Annotated[
-        str | None, typer.Option(help="Show the numbers whose keys match, such as 'error/*'.")
+        str | None, typer.Option(help="Show the numbers whose keys match, such as 'seconds/*'.")
     ] = None,
     steps: Annotated[bool, typer.Option("--steps", help="Find the nights in which numbers changed.")] = False,
     file: File = DEFAULT_PATH,
@@ -48,6 +49,11 @@ def history_command(
     """
     nights = read_nights(file)
     series = read_series(file, key or "*") if steps or key else []
+    if key and not series:
+        kinds = sorted({f"{one.key.split('/')[0]}/*" for one in read_series(file)})
+        raise UserError(
+            f"--key: no number is called {key!r}; valid: such as {', '.join(kinds)}; * and ? match"
+        )
     found = events(series) if steps else []
     if as_json:
         _print_json(

@@ -159,7 +159,7 @@ def nightly_command(
         work: Work = carry_out
         if scheduler:
             work, kept = carry_out_elsewhere, replace(kept, folder=folder.resolve())
-        with Progress(quiet) as progress:
+        with Progress(quiet, deadline - time.time()) as progress:
             over, left_out = work_through(
                 plan, kept, journal, known, processes, work, deadline, progress.report
             )
@@ -294,6 +294,9 @@ def _print(kept: Kept, answer: NightAnswer, index: Path) -> None:
         print(f"{one.value:.3g} > {one.bound:.3g} ({one.note})")
     for name, trouble in answer.troubles.items():
         print(f"FAIL {name}: {trouble}")
+    for left in kept.left_out:
+        if left.seconds:  # it was begun
+            print(f"NOT RUN {left.name}: {left.why}")
     holding, failing = answer.claims.get("PASS", 0), answer.claims.get("FAIL", 0)
     print(f"{holding} of {holding + failing} claims hold in {len(kept.done)} checks", end="")
     print(f", {len(answer.troubles)} checks broke down" if answer.troubles else "", end="")

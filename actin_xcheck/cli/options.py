@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import new_folder
 from actin_xcheck.core.model import CAVEATS
 from actin_xcheck.scene.scene import Scene
 
@@ -25,8 +26,8 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing outp
 
 
 def report_folder(out_dir: Path | None, kind: str) -> Path:
-    """Return the folder a user named, else one for this kind of report and this moment."""
-    return out_dir or Path("reports") / f"{kind}-{datetime.now():%Y%m%d-%H%M%S}"
+    """Return the folder a user named, else make a new one for this kind of report and this moment."""
+    return out_dir or new_folder(Path("reports") / f"{kind}-{datetime.now():%Y%m%d-%H%M%S}")
 
 
 def make_folder(folder: Path) -> Path:

@@ -25,6 +25,7 @@ from actin_xcheck.core.files import unfinished
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.accuracy import deliver
+from actin_xcheck.runs.checkpoint import stop_signals
 from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.run import numerics, remeshes, run
@@ -106,7 +107,7 @@ def run_command(
     reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
     if not json:
         _say(reduction)
-    with Progress(quiet) as progress:
+    with Progress(quiet) as progress, stop_signals() as stop:
         outcome = run(
             loaded,
             chosen,
@@ -118,14 +119,14 @@ def run_command(
             rtol,
             reduction,
             resume,
-            heeds_signals=True,
+            stop=stop,
             mesh=mesh,
             remesh=remesh,
         )
     if outcome.ending is Ending.INTERRUPTED:
         place = outcome.message.split(";")[0]
         print(f"actin_xcheck: interrupted {place}; to go on: {resuming_command()}", file=sys.stderr)
-        raise typer.Exit(130)
+        raise typer.Exit(128 + stop())
     if json:
         say(_answer(out_file, outcome, reduction))
     else:

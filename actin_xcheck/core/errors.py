@@ -1,5 +1,7 @@
 """The one exception a user's mistake raises; everything else that goes wrong in a run is an Outcome."""
 
+import errno
+
 LONGEST = 2000
 """Characters of a mistake's line, and of what it repeats of a file."""
 
@@ -13,6 +15,16 @@ class UserError(Exception):
 
     def __init__(self, sentence: str) -> None:
         super().__init__(brief(sentence, LONGEST))
+
+
+def starved(error: BaseException | None) -> bool:
+    """Whether an error, or what it came from, is memory, disk, files or processes that the machine lacks."""
+    lacking = errno.ENOMEM, errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.EAGAIN
+    while error is not None:
+        if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno in lacking):
+            return True
+        error = error.__cause__
+    return False
 
 
 def brief(text: str, most: int = 80) -> str:

@@ -1,8 +1,9 @@
 """Files that appear whole or not at all, and one process at a time on each output."""
 
+import itertools
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -26,6 +27,24 @@ def replace_file(path: Path, content: bytes) -> None:
             beside.unlink(missing_ok=True)
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def new_folder(wanted: Path, taken: Container[str] = ()) -> Path:
+    """Make a folder that nobody else has made and return it: `wanted`, or with a number behind its name.
+
+    Names that are `taken` are left out too.  UserError where it cannot be made.
+    """
+    for count in itertools.count(1):
+        folder = wanted if count == 1 else wanted.with_name(f"{wanted.name}-{count}")
+        if folder.name not in taken:
+            try:
+                folder.mkdir(parents=True)
+            except FileExistsError:
+                continue
+            except OSError as error:
+                raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+            return folder
+    raise AssertionError("numbers do not end")
 
 
 def unfinished(path: Path) -> Path:

@@ -1,7 +1,8 @@
 """A night at work: its checks in processes of their own, each begun only if it is expected to fit.
 
-A check that breaks down, that takes much longer than ever, or whose process dies, is red and says why; the
-night goes on.  What is over is kept at once.
+A check that breaks down is red and says why.  One that the budget, its patience, a machine without memory or
+disk, or somebody else has stopped is not run, for that says nothing about the code.  The night goes on either
+way, and what is over is kept at once.
 """
 
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from actin_xcheck.core.errors import starved
 from actin_xcheck.core.work import WORK
 from actin_xcheck.nightly.checks import Checked, Control, Found, Item, NotDecided, night_long
 from actin_xcheck.nightly.groups import no_verdict
@@ -21,7 +23,7 @@ from actin_xcheck.nightly.history.record import Kind, Number
 from actin_xcheck.nightly.plan import Past, Plan
 from actin_xcheck.nightly.record import Done, Journal, Kept, NotRun
 from actin_xcheck.runs.alone import prepare, work_alone
-from actin_xcheck.runs.executor import Executor, Lost, end_with_parent, executor
+from actin_xcheck.runs.executor import Executor, Lost, executor
 from actin_xcheck.runs.machine import forget_peak, peak_memory
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.version import code
@@ -106,29 +108,28 @@ def carry_out(task: Task) -> Done | NotRun:
         with _limited(min(patience, left)):
             answer = work_alone(_find, task, QUIET)
     except _OutOfTime:
-        if (
-            left < PATIENCE * task.expected
-        ):  # else it had the time that tells a slow check from one that hangs
-            return NotRun(name, f"stopped at the end of the budget; {task.expected:.1f} s had been expected")
         spent = time.perf_counter() - began
-        trouble = f"was stopped after {spent:.0f} s; {task.expected:.1f} s had been expected"
-        return broken(name, trouble, time.perf_counter() - began)
-    except ChildProcessError as error:
-        return broken(name, f"broke down: {error}", time.perf_counter() - began)
+        why = "at the end of the budget, " if left < patience else ""
+        said = f"stopped {why}after {spent:.1f} s; {task.expected:.1f} s had been expected"
+        return NotRun(name, said, spent)
+    if isinstance(answer, Lost):
+        return ended(name, answer, time.perf_counter() - began)
     if answer.undecided:
         return NotRun(name, answer.undecided)
     return _done(task, answer)
 
 
-def broken(name: str, trouble: str, seconds: float) -> Done:
-    """A check that came to no verdict."""
+def ended(name: str, lost: Lost, seconds: float) -> Done | NotRun:
+    """A check whose process has ended: not run where that was killed, else red, for it came to no verdict."""
+    if lost.killed:
+        return NotRun(name, lost.message, seconds)
+    trouble = f"broke down: {lost.message}"
     return Done(name, (no_verdict(name, trouble),), ("",), (), seconds, trouble)
 
 
 def _find(task: Task, report: Report) -> _Answer:
     """In the process: carry the check out and measure it."""
     found, trouble, undecided = None, "", ""
-    end_with_parent()
     WORK.clear()
     forget_peak()
     before, began = peak_memory(), time.perf_counter()
@@ -138,7 +139,11 @@ def _find(task: Task, report: Report) -> _Answer:
         except NotDecided as error:
             undecided = str(error)
         except Exception as error:
-            trouble = " ".join(f"broke down: {type(error).__name__}: {error}".split())
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            if starved(error):
+                undecided = f"the machine has not enough memory, disk or files for it ({said})"
+            else:
+                trouble = f"broke down: {said}"
     seconds = time.perf_counter() - began
     memory = max(peak_memory() - before, 0)
     return _Answer(found, trouble, undecided, calls.count > 0, seconds, memory, dict(WORK))
@@ -234,7 +239,7 @@ def work_through(
         ]
         for number, result in processes.results(work, tasks):
             if isinstance(result, Lost):
-                result = broken(tasks[number].item.name, result.message, np.nan)
+                result = ended(tasks[number].item.name, result, 0.0)
             if isinstance(result, Done):
                 over.append(result)
                 journal.keep(result, time.time() - began)

@@ -71,7 +71,7 @@ class _Light:
 def write_scene_pages(folder: Path) -> None:
     """Write the report of every comparison in a night's folder, with the film of its cell, beside it."""
     places = sorted(path.parent for path in (folder / "checks").glob("*/comparison.h5"))
-    work_off(_scene_page, places, lambda label, done, total: None)
+    work_off(_scene_page, places, lambda label, done, total: None, str)
 
 
 def _scene_page(folder: Path, report: Report) -> None:

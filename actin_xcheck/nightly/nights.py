@@ -1,18 +1,22 @@
 """Where nights lie: their folders beside one another, the history over all of them."""
 
-import os
 import platform
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from actin_xcheck.core import files
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.history.database import append, read_nights
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number
 from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, read_night
+from actin_xcheck.runs.executor import cores
 
 HISTORY = "history.sqlite"
+
+STOPPED = "stopped"
+"""Numbers of the history: seconds after which a check was stopped, so that it takes longer."""
 
 
 def new_folder(reports: Path, begun: datetime) -> Path:
@@ -23,20 +27,7 @@ def new_folder(reports: Path, begun: datetime) -> Path:
     """
     history = reports / HISTORY
     taken = {one.night.name for one in read_nights(history)} if history.exists() else set()
-    date, count = f"{begun.astimezone(UTC):%Y-%m-%d}", 1
-    while True:
-        folder = reports / (date if count == 1 else f"{date}-{count}")
-        if folder.name in taken:
-            count += 1
-            continue
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            count += 1
-        except OSError as error:
-            raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
-        else:
-            return folder
+    return files.new_folder(reports / f"{begun.astimezone(UTC):%Y-%m-%d}", taken)
 
 
 def nights_in(reports: Path) -> Iterator[Kept]:
@@ -65,7 +56,7 @@ def machine() -> str:
     if cpuinfo.exists():
         models = (line.partition(":")[2] for line in cpuinfo.read_text().splitlines() if "model name" in line)
         name = next(models, name)
-    return f"{name.strip()}, {os.cpu_count()} cores, {platform.system()}"
+    return f"{name.strip()}, {cores()} cores, {platform.system()}"
 
 
 def judged_in(done: tuple[Done, ...]) -> Iterator[Judged]:
@@ -81,6 +72,9 @@ def numbers_of(kept: Kept) -> Iterator[Number]:
     for one in kept.done:
         yield from one.numbers
         yield Number(f"red/{one.name}", Kind.COUNT, float(one.red))
+    for left in kept.left_out:
+        if left.seconds:
+            yield Number(f"{STOPPED}/{left.name}", Kind.TIME, left.seconds, "s")
 
 
 def night_of(kept: Kept) -> Night:

@@ -10,6 +10,7 @@ import numpy as np
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.checks import Checked, Control, Costed, Diluted, Item
 from actin_xcheck.nightly.history.database import read_claims, read_nights, read_series
+from actin_xcheck.nightly.nights import STOPPED
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.studies import Refined
@@ -67,15 +68,17 @@ class Past:
     seconds : the last time each took, on a cluster where it was never measured.
     failed : those that failed when they were run last.
     often : share of nights in which each failed.
+    stopped : seconds after which some were stopped, since they were last over.
     """
 
     seconds: Mapping[str, float] = field(default_factory=dict)
     failed: frozenset[str] = frozenset()
     often: Mapping[str, float] = field(default_factory=dict)
+    stopped: Mapping[str, float] = field(default_factory=dict)
 
     def expected(self, item: Item) -> float:
-        """Seconds that an item will take."""
-        return self.seconds.get(item.name, item.guess)
+        """Seconds that an item will take: what was stopped needs more, and is given twice as much."""
+        return max(self.seconds.get(item.name, item.guess), 2 * self.stopped.get(item.name, 0.0))
 
     def order(self, item: Item) -> tuple[bool, float, float]:
         """By which items are sorted: failed last, often failing, cheap."""
@@ -133,12 +136,19 @@ def past(history: Path) -> Past:
         for key, one in night.items()
         if np.isfinite([one.seconds, one.claim.value]).all()  # what hung says nothing
     }
-    seconds = {one.key: float(one.values[-1]) for one in read_series(history, "seconds/*")}
+    whole = {_name(one.key): one for one in read_series(history, "seconds/*")}
+    stopped = {_name(one.key): one for one in read_series(history, f"{STOPPED}/*")}
+    seconds = {name: float(one.values[-1]) for name, one in whole.items()}
     red = {one.key: one.values[-MEMORY_OF:] for one in read_series(history, "red/*")}
     return Past(
-        elsewhere | {_name(key): value for key, value in seconds.items() if np.isfinite(value)},
+        elsewhere | {name: value for name, value in seconds.items() if np.isfinite(value)},
         frozenset(_name(key) for key, values in red.items() if values[-1] > 0),
         {_name(key): float((values > 0).mean()) for key, values in red.items()},
+        {
+            name: float(one.values[-1])
+            for name, one in stopped.items()
+            if name not in whole or whole[name].nights[-1].date < one.nights[-1].date
+        },
     )
 
 

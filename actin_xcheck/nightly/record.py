@@ -88,10 +88,17 @@ class Done:
 
 @dataclass(frozen=True)
 class NotRun:
-    """A check that was left out, and why."""
+    """A check that was left out, and why.
+
+    Attributes
+    ----------
+    name, why : of the check; a sentence.
+    seconds : after which it was stopped; 0 where it was not, or was not begun.
+    """
 
     name: str
     why: str
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)

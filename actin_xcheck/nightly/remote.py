@@ -14,8 +14,9 @@ from dataclasses import replace
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
-from actin_xcheck.nightly.carry_out import Task, broken, carry_out
+from actin_xcheck.nightly.carry_out import Task, carry_out, ended
 from actin_xcheck.nightly.record import FILE_NAME, Done, NotRun
+from actin_xcheck.runs.executor import how_ended
 from actin_xcheck.runs.version import check_code
 
 
@@ -36,8 +37,7 @@ def carry_out_elsewhere(task: Task) -> Done | NotRun:
         process.stdin.flush()  # and not closed: that tells the process that its worker has ended
         said = process.stdout.read()
     if not said:
-        trouble = f"broke down: its process ended with exit code {process.returncode}"
-        return broken(task.item.name, trouble, time.perf_counter() - began)
+        return ended(task.item.name, how_ended(process.returncode), time.perf_counter() - began)
     found: Done | NotRun | UserError = pickle.loads(said)
     if isinstance(found, UserError):
         raise found

@@ -32,7 +32,7 @@ class Keeper:
     """
 
     def __init__(
-        self, solver: Solver, writer: RunWriter, began: float, stop: Callable[[], bool] = lambda: False
+        self, solver: Solver, writer: RunWriter, began: float, stop: Callable[[], int] = lambda: 0
     ) -> None:
         self._solver, self._writer, self._began, self._stop = solver, writer, began, stop
         self._due = began
@@ -96,19 +96,28 @@ def taken_up(solver: Solver, writer: RunWriter) -> Checkpoint:
         ) from error
 
 
+def ending_signals() -> list[signal.Signals]:
+    """Those that ask this process to end, Ctrl-C's among them; none that is ignored, as under `nohup`."""
+    asked = (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP"))
+    return [number for number in asked if number and signal.getsignal(number) is not signal.SIG_IGN]
+
+
 @contextmanager
-def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Within it SIGINT and SIGTERM are only noted, and the value says so; a second one interrupts at once."""
+def stop_signals() -> Iterator[Callable[[], int]]:
+    """Within it `ending_signals` are only noted; a second one does what it did before.
+
+    The value gives the number of the one that came, 0 where none did.
+    """
     noted: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:
-        if noted:
-            raise KeyboardInterrupt
+        if noted and callable(handler := before[signal.Signals(number)]):
+            handler(number, frame)
         noted.append(number)
 
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, note) for number in ending_signals()}
     try:
-        yield lambda: bool(noted)
+        yield lambda: noted[0] if noted else 0
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

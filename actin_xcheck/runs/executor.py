@@ -1,21 +1,26 @@
 """One seam to processes, of this machine or of a cluster: results of tasks as they come.
 
 A task whose process ends (killed, out of memory, a machine that is gone) is given to another one; after
-`ATTEMPTS` such ends it is `Lost`, and the others go on.
+`ATTEMPTS` such ends it is `Lost`, and the others go on.  Processes end when the one that started them does.
 """
 
+import asyncio
+import ctypes
 import logging
 import multiprocessing
 import os
+import pickle
+import signal
+import sys
 import threading
 import time
+import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
-from multiprocessing.process import BaseProcess
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from actin_xcheck.core.errors import UserError
@@ -26,11 +31,14 @@ if TYPE_CHECKING:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
+Report = Callable[[str, int, int], None]
+"""Called with a label, parts done and parts in all."""
+
 ATTEMPTS = 3
 """Processes that may end under a task; one more would most likely end under it too."""
 
-_ANSWER = "10 s"
-"""How long a scheduler may take to answer."""
+_ANSWER = 6.0
+"""Seconds that a scheduler may take to answer."""
 
 ALONE = 60.0
 """Seconds after which a scheduler without workers is left."""
@@ -38,12 +46,26 @@ ALONE = 60.0
 _PAUSE = 0.05
 """Seconds between two looks at what has come."""
 
+_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG of prctl(2)."""
+
+_TIMES = 50
+"""How often a task's progress is passed on, about."""
+
 
 @dataclass(frozen=True)
 class Lost:
-    """In place of a result: every process that was given the task has ended."""
+    """In place of a result: every process that was given the task has ended.
+
+    Attributes
+    ----------
+    message : how, a sentence.
+    killed : whether something from outside ended it (a signal, no memory, a machine that is gone), which says
+        nothing about the task.
+    """
 
     message: str
+    killed: bool = True
 
 
 class Executor(Protocol):
@@ -59,14 +81,21 @@ class Executor(Protocol):
         ...
 
 
+def cores() -> int:
+    """Return how many processors this process may use, where the system tells; else all there are."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def jobs_asked(jobs: int | None, scheduler: str | None) -> int:
-    """Return how many processes `--jobs` asks for on this machine, its cores where it is not given.
+    """Return how many processes `--jobs` asks for on this machine, its `cores` where it is not given.
 
     UserError where a scheduler is named too.
     """
     if jobs is not None and scheduler is not None:
         raise UserError("--jobs: not with --scheduler, which has its own workers; valid: one of the two")
-    return jobs or os.cpu_count() or 1
+    return jobs or cores()
 
 
 @contextmanager
@@ -78,104 +107,210 @@ def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     UserError where no `dask.distributed` scheduler with workers answers there, or where it is not installed.
     """
     if scheduler is None:
-        with closing(_Processes(jobs)) as processes:
+        with closing(Processes(jobs)) as processes:
             yield processes
         return
     try:
-        from distributed import Client
-        from distributed.comm import resolve_address
+        from distributed import Client, __version__
     except ImportError:
         raise UserError(
             "--scheduler: needs dask.distributed; valid: pip install 'actin-xcheck[cluster]'"
         ) from None
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what goes wrong is said here
     try:
-        resolve_address(scheduler)  # a client of what is no address takes long to end
-        client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
-    except (OSError, ValueError) as error:  # ValueError: what is no address
-        raise UserError(f"--scheduler: {scheduler}: no scheduler answers ({error})") from None
+        with ThreadPoolExecutor(1) as thread:  # a notebook's has a loop already
+            theirs = thread.submit(asyncio.run, _version(scheduler)).result()
+        if theirs == __version__:
+            client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
+    except Exception as error:  # whatever may listen there: it is no scheduler of ours
+        said = str(error) or f"nothing that a scheduler says within {_ANSWER:.0f} s"
+        raise UserError(f"--scheduler: {scheduler}: no scheduler answers ({said})") from None
+    if theirs != __version__:
+        raise UserError(
+            f"--scheduler: {scheduler} has dask.distributed {theirs}, this is {__version__}; "
+            "valid: the same version"
+        )
     with client:
         if not client.nthreads():
             raise UserError(f"--scheduler: {scheduler} has no workers; valid: dask worker {scheduler}")
         yield _Cluster(client)
 
 
-class _Processes:
-    """Each process is a pool of its own, so that one that ends takes no other's task with it.
+async def _version(scheduler: str) -> str:
+    """Ask a scheduler for its version: a client of what is none, or of another's, waits or breaks down."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    async with asyncio.timeout(_ANSWER):
+        theirs = await connect(scheduler, timeout=_ANSWER / 2, **Security().get_connection_args("client"))
+        try:
+            await theirs.write({"op": "versions", "reply": True})
+            return str((await theirs.read())["packages"]["distributed"])
+        finally:
+            theirs.abort()
+
+
+class Processes:
+    """Those of this machine, each with a pipe of its own: one that ends takes no other's task with it.
 
     They are started when there is work for them, and wait for more with all that they have loaded.
+
+    Parameters
+    ----------
+    jobs : how many.
+    report : told of the tasks' progress; `work` is then handed a Report of its own beside each task.
+    context : how they are started, of `multiprocessing`; None: afresh.
+    attempts : see `ATTEMPTS`.
     """
 
-    def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
-        self._idle: list[ProcessPoolExecutor] = []
-        self._children: set[BaseProcess] = set()
+    def __init__(
+        self, jobs: int, report: Report | None = None, context: Any = None, attempts: int = ATTEMPTS
+    ) -> None:
+        self._jobs, self._report, self._attempts = jobs, report, attempts
+        self._context = context or multiprocessing.get_context("spawn")
+        self._idle: list[_Process] = []
 
     def results(
-        self, work: Callable[[Task], Result], tasks: Sequence[Task]
+        self, work: Callable[..., Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
+        """As an `Executor`'s."""
         waiting, ends = deque(range(len(tasks))), Counter[int]()
-        busy: dict[Future[Result], tuple[int, ProcessPoolExecutor]] = {}
+        busy: dict[Connection, tuple[int, _Process]] = {}
 
         def begin() -> None:
             while waiting and len(busy) < self._jobs:
-                number = waiting.popleft()
-                future, process = self._begin(work, tasks[number])
-                busy[future] = number, process
+                process = self._begin(work, tasks[waiting[0]])
+                busy[process.pipe] = waiting.popleft(), process
 
         try:
             begin()
             while busy:
-                for future in wait(busy, return_when=FIRST_COMPLETED).done:
-                    number, process = busy.pop(future)
-                    if isinstance(future.exception(), BrokenProcessPool):
-                        process.shutdown()
+                for pipe in wait(list(busy)):
+                    number, process = busy[pipe]  # type: ignore[index]
+                    kind, said = process.hear()
+                    if kind == "told":
+                        assert self._report is not None
+                        self._report(*said)
+                        continue
+                    del busy[process.pipe]
+                    if kind == "lost":
+                        process.end()
                         ends[number] += 1
-                        if ends[number] < ATTEMPTS:
+                        if ends[number] < self._attempts:
                             waiting.appendleft(number)
                             begin()
                             continue
-                        result: Result | Lost = Lost(f"the process ended under this run, {ATTEMPTS} times")
+                        said = replace(said, message=said.message + _times(self._attempts))
                     else:
                         self._idle.append(process)
-                        result = future.result()
+                    if kind == "raised":
+                        raise said
                     begin()  # before the caller sees to the result, for which no process has to wait
-                    yield number, result
+                    yield number, said
         finally:
-            if busy:  # an interrupt or a mistake: nobody waits for these
-                self._idle += [process for _, process in busy.values()]
-                self.close()
-                for child in self._children:
-                    child.terminate()
+            for _, process in busy.values():  # an interrupt or a mistake: nobody waits for these
+                process.end()
 
     def close(self) -> None:
-        """Let the processes go."""
+        """End the processes."""
         while self._idle:
-            self._idle.pop().shutdown(wait=False, cancel_futures=True)
+            self._idle.pop().end()
 
-    def _begin(
-        self, work: Callable[[Task], Result], task: Task
-    ) -> tuple[Future[Result], ProcessPoolExecutor]:
+    def _begin(self, work: Callable[..., Any], task: object) -> "_Process":
         """Hand a task to a process that is idle, or to a new one."""
-        others = set(multiprocessing.active_children())
         while True:
-            process = self._idle.pop() if self._idle else _process()
+            process = self._idle.pop() if self._idle else _Process(self._context)
             try:
-                future = process.submit(work, task)
-            except BrokenProcessPool:  # it ended while it had nothing to do
-                process.shutdown()
+                process.pipe.send((work, task, self._report is not None))
+            except OSError:  # it ended while it had nothing to do
+                process.end()
                 continue
-            self._children |= set(multiprocessing.active_children()) - others
-            return future, process
+            return process
 
 
-def _process() -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(1, mp_context=context, initializer=end_with_parent)
+def _times(attempts: int) -> str:
+    return f", {attempts} times" if attempts > 1 else ""
+
+
+class _Process:
+    """A process that does one task after another."""
+
+    def __init__(self, context: Any) -> None:
+        self.pipe, away = context.Pipe()
+        self._process = context.Process(target=_serve, args=(away,))
+        self._process.start()
+        away.close()
+
+    def hear(self) -> tuple[str, Any]:
+        """What it says next: "told", "done" or "raised" and what; "lost" and a Lost where it has ended."""
+        try:
+            kind, said = self.pipe.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            return "lost", how_ended(self._process.exitcode)
+        return kind, said
+
+    def end(self) -> None:
+        """End it at once, whatever it does."""
+        self.pipe.close()
+        self._process.kill()
+        self._process.join()
+
+
+def how_ended(code: int) -> Lost:
+    """How a process ended, by its exit code: signals come from outside, but for those of its own faults."""
+    own = {getattr(signal, name, None) for name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")}
+    if code >= 0:
+        return Lost(f"its process ended with exit code {code}", False)
+    number = signal.Signals(-code)
+    memory = ", or the system out of memory" if number.name == "SIGKILL" else ""
+    return Lost(f"its process was ended by {number.name} (by somebody{memory})", number not in own)
+
+
+def _serve(pipe: Connection) -> None:
+    """In a process: do what comes through the pipe, and send home what comes of it."""
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's: the one that started this process ends it
+    while True:
+        try:
+            work, task, tells = pipe.recv()
+        except EOFError:
+            return
+        try:
+            pipe.send(("done", work(task, _reporting(pipe)) if tells else work(task)))
+        except Exception as error:
+            pipe.send(("raised", portable(error)))
+
+
+def _reporting(pipe: Connection) -> Report:
+    """A Report that sends what it is told home, now and then."""
+    parts: dict[str, int] = {}
+
+    def report(label: str, done: int, total: int) -> None:
+        if parts.get(label) != (part := _TIMES * done // max(total, 1)):
+            parts[label] = part
+            pipe.send(("told", (label, done, total)))
+
+    return report
+
+
+def portable(error: Exception) -> Exception:
+    """The error with a note of where it was raised; what it says, where it does not survive the way home."""
+    error.add_note(traceback.format_exc())
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def end_with_parent() -> None:
-    """In a process: a parent that is killed says nothing, and its children would work or wait for ever."""
+    """In a process: a parent that is killed says nothing, and its children would work or wait for ever.
+
+    Linux ends it at once; elsewhere it is a thread of its own that does, once imports and long calls let it.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
     if parent := multiprocessing.parent_process():
 
         def follow() -> None:
@@ -183,6 +318,12 @@ def end_with_parent() -> None:
             os._exit(1)
 
         threading.Thread(target=follow, daemon=True).start()
+
+
+def end_all() -> None:
+    """End every process that this one has started and that is still there."""
+    for child in multiprocessing.active_children():
+        child.kill()
 
 
 class _Cluster:

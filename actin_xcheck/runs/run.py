@@ -2,7 +2,7 @@
 
 import json
 import time
-from contextlib import nullcontext
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from actin_xcheck.core.files import locked
 from actin_xcheck.core.mesh import Mesh, disk, sector
 from actin_xcheck.core.motion import PrescribedMotion, RecordedMotion
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.checkpoint import Keeper, earlier, stop_signals, taken_up
+from actin_xcheck.runs.checkpoint import Keeper, earlier, taken_up
 from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import (
@@ -163,7 +163,7 @@ def run(
     rtol: float | None = None,
     reduction: Reduction = FULL,
     resume: bool = False,
-    heeds_signals: bool = False,
+    stop: Callable[[], int] = lambda: 0,
     mesh: Mesh | None = None,
     remesh: bool = False,
 ) -> Outcome:
@@ -183,7 +183,7 @@ def run(
     reduction : how much of the model is solved, see `fidelity.reduced`.
     resume : whether to go on from the checkpoint that an interrupted run of the same kind has left, to the
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
-    heeds_signals : whether SIGINT and SIGTERM end the run after its step, as `interrupted`.
+    stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
     mesh : the user's, instead of the disk; `refine` divides its cells then, and the file names it.
     remesh : whether the mesh is replaced when it is about to fold; the series counts how often.
 
@@ -219,10 +219,7 @@ def run(
         amplitude = amplitude_of(scene, method, solver, refine, dt, rtol, reduction, mesh)
         delta = scene.physics.delta_on_cells(solver.mesh.centroids)
         grid, tolerance = solver.grid, None if rtol is None else Tolerance(rtol, method.order_dt)
-        with (
-            RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer,
-            stop_signals() if heeds_signals else nullcontext(lambda: False) as stop,
-        ):
+        with RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer:
             recorder = Recorder(scene, solver, writer, amplitude, progress)
             begin = taken_up(solver, writer) if goes_on else None
             recorder.last = begin.state if begin else None

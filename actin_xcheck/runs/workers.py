@@ -1,19 +1,17 @@
 """Work on all cores: tasks in processes of their own, with their progress passed on."""
 
-import multiprocessing
-import os
-import queue
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
+
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.executor import Lost, Processes, Report, cores, portable
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-
-Report = Callable[[str, int, int], None]
-"""Called with a label, parts done and parts in all."""
 
 _IN_TURN = ContextVar("in turn", default=False)
 
@@ -28,7 +26,19 @@ def in_turn() -> Iterator[None]:
         _IN_TURN.reset(before)
 
 
-def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], report: Report) -> list[Result]:
+@dataclass(frozen=True)
+class _Raised:
+    """In place of a result: what was raised."""
+
+    error: Exception
+
+
+def work_off(
+    work: Callable[[Task, Report], Result],
+    tasks: Sequence[Task],
+    report: Report,
+    name: Callable[[Task], str],
+) -> list[Result]:
     """Return the results of `work` on every task, in their order.
 
     Parameters
@@ -36,45 +46,31 @@ def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], repo
     work : a module's function; it is handed a task and a Report of its own.
     tasks : picklable; the first are started first, so those that take longest should stand there.
     report : told of the tasks' progress, in this process.
+    name : what a task is called where its processes end.
 
-    Raises whatever `work` raises, after the others have finished; an interrupt ends the workers at once.
+    Raises whatever `work` raises, after the others have finished, or UserError where every process that was
+    given a task has ended; an interrupt ends the processes at once.
     """
     if _IN_TURN.get():
         return [work(task, report) for task in tasks]
-    if not tasks:
-        return []
-    context = multiprocessing.get_context("spawn")
-    workers = min(len(tasks), os.cpu_count() or 1)
-    with context.Manager() as manager, ProcessPoolExecutor(workers, mp_context=context) as pool:
-        news = manager.Queue()
-        futures = [pool.submit(_work, work, task, news) for task in tasks]
-        try:
-            while not all(future.done() for future in futures):
-                _pass_on(news, report)
-            _pass_on(news, report)
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
-        return [future.result() for future in futures]
+    with closing(Processes(min(len(tasks), cores()), report)) as processes:
+        found = dict(processes.results(partial(_tried, work), tasks))
+    results: list[Result] = []
+    for number in range(len(tasks)):
+        result = found[number]
+        if isinstance(result, _Raised):
+            raise result.error
+        if not isinstance(result, Lost):
+            results.append(result)
+    lost = [f"{name(tasks[i])}: {one.message}" for i, one in sorted(found.items()) if isinstance(one, Lost)]
+    if lost:
+        raise UserError(f"{'; '.join(lost)}; what was finished is kept; valid: the same command again")
+    return results
 
 
-def _work(
-    work: Callable[[Task, Report], Result], task: Task, news: "queue.Queue[tuple[str, int, int]]"
-) -> Result:
-    """In a worker: progress goes home through a queue, about fifty times a task."""
-
-    def report(label: str, done: int, total: int) -> None:
-        if done % max(1, total // 50) == 0 or done == total:
-            news.put((label, done, total))
-
-    return work(task, report)
-
-
-def _pass_on(news: "queue.Queue[tuple[str, int, int]]", report: Report) -> None:
+def _tried(work: Callable[[Task, Report], Result], task: Task, report: Report) -> Result | _Raised:
+    """In a process: an error is a result, so that the others go on."""
     try:
-        while True:
-            report(*news.get(timeout=0.2))
-    except queue.Empty:
-        return
+        return work(task, report)
+    except Exception as error:
+        return _Raised(portable(error))

@@ -177,7 +177,7 @@ def _command(triangle: Triangle, jobs: Sequence[Job]) -> str:
 
 def run_all(jobs: Sequence[Job], report: Report) -> None:
     """Run jobs on all cores, those that take longest first."""
-    work_off(_run, sorted(jobs, key=lambda job: job.cost, reverse=True), report)
+    work_off(_run, sorted(jobs, key=lambda job: job.cost, reverse=True), report, lambda job: job.label)
 
 
 def is_done(job: Job, versions: dict[str, str]) -> bool:

@@ -96,10 +96,18 @@ def ledger(scene: Scene, accuracy: float, report: Report) -> tuple[Entry, ...]:
     problem = resolve(scene)
     there = [i for i, term in enumerate(TERMS) if term.there(problem)]
     tested = [i for i in there if not TERMS[i].idle(problem)]
-    runs = work_off(_run, [(scene, None, 1), (scene, None, 0), *((scene, i, 0) for i in tested)], report)
+    tasks = [(scene, None, 1), (scene, None, 0), *((scene, i, 0) for i in tested)]
+    runs = work_off(_run, tasks, report, _named)
     finer, whole, without = runs[0], runs[1], dict(zip(tested, runs[2:], strict=True))
     resolved = max(_changes(finer.rows, whole.rows).values())
     return tuple(_entry(TERMS[i], problem, whole, without.get(i), resolved, accuracy) for i in there)
+
+
+def _named(task: tuple[Scene, int | None, int]) -> str:
+    """What a run is called."""
+    scene, dropped, finer = task
+    part = "whole" if dropped is None else f"without {TERMS[dropped].name}"
+    return f"{scene.name}, {part}{', finer' if finer else ''}"
 
 
 Row = dict[str, Array]

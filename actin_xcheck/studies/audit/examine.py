@@ -26,7 +26,7 @@ def examine(keys: Sequence[str], folder: Path, command: str, report: Report) -> 
     versions = provenance()
     run_all([job for job in jobs if not is_done(job, versions)], report)
     first_long_ones = sorted(keys, key=lambda key: not ROWS[key].studies)
-    found = work_off(_examine, [(key, folder) for key in first_long_ones], report)
+    found = work_off(_examine, [(key, folder) for key in first_long_ones], report, lambda task: task[0])
     by_key = {entry.key: entry for entry in found}
     entries = tuple(by_key[key] for key in keys)
     write_audit(folder / FILE_NAME, entries, command)

@@ -9,6 +9,7 @@ import numpy as np
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.alone import prepare, work_alone
+from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.recorder import PARTS
@@ -166,6 +167,11 @@ class _Bench:
 
         before = reference_kernel() if self._kernel is None else self._kernel
         sample = work_alone(measured, (self._scene, point), report)
+        if isinstance(sample, Lost):
+            raise UserError(
+                f"{point.method.name} ({point.numerics}): {sample.message}; what was measured is kept; "
+                "valid: the same command again, --out names the folder"
+            )
         self._kernel = reference_kernel()
         self.done += seconds
         return replace(sample, kernel=np.stack([before, self._kernel]))

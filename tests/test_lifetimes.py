@@ -1,0 +1,140 @@
+"""Whatever ends a command ends all that it has started; a process that is killed costs no other's work."""
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.executor import ATTEMPTS, cores
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.runs.workers import work_off
+from tests.ending import killed_often, raises_after, told
+from tests.processes import wait_until
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+AT_ONCE = 5.0
+"""Seconds within which all must have ended, on a machine that is busy."""
+
+COMMANDS = {
+    "compare growing-disk --refine 6": 2,
+    "converge growing-disk": 2,
+    "chart fig14-four-fronts": 1,
+    "frontier": 2,
+    "faults": 2,
+    "nightly --only compare*": 4,
+    "sweep sweep.toml --method fem-p1-paper --refine 6": 2,
+    "paper": 2,
+    "extremes": 2,
+    "closures": 2,
+    "distort": 2,
+}
+"""Commands that work in processes for a while, and how many; those of nightly have processes of their own."""
+
+SWEEP = """
+scene = "growing-disk"
+[over.parameters]
+d = [1e-3, 1e-2]
+"""
+
+
+def of_session(leader: int) -> dict[int, str]:
+    """The processes of a session that have not ended, with what they were called with."""
+    found = {}
+    for path in Path("/proc").iterdir():
+        if path.name.isdigit():
+            try:
+                state, _, _, session = (path / "stat").read_text().rpartition(")")[2].split()[:4]
+                if int(session) == leader and state != "Z":
+                    found[int(path.name)] = (path / "cmdline").read_text().replace("\0", " ")
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+    return found
+
+
+@contextmanager
+def started(folder: Path, command: str) -> Iterator[subprocess.Popen[str]]:
+    """A command in a session of its own."""
+    (folder / "sweep.toml").write_text(SWEEP, encoding="utf-8")
+    words = [sys.executable, "-m", "actin_xcheck", *shlex.split(command), "--out", "out", "--quiet"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(words, cwd=folder, start_new_session=True, **quiet)
+    try:
+        yield process
+    finally:
+        for pid in of_session(process.pid):
+            os.kill(pid, signal.SIGKILL)
+        process.wait()
+
+
+def at_work(process: subprocess.Popen[str]) -> list[int]:
+    """Its processes that are handed tasks."""
+    assert process.poll() is None, process.communicate()
+    found = of_session(process.pid).items()
+    return [pid for pid, words in found if "spawn_main" in words or "forkserver" in words]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_nothing_that_a_command_has_started_outlives_it(command, number, tmp_path):
+    with started(tmp_path, command) as process:
+        wait_until(lambda: len(at_work(process)) >= min(COMMANDS[command], 2 * cores()), 120)
+        time.sleep(1.0)
+        process.send_signal(number)
+        wait_until(lambda: not of_session(process.pid), AT_ONCE)
+        _, said = process.communicate()
+    if number == signal.SIGKILL:
+        assert (process.returncode, said) == (-number, "")
+    else:
+        expected = f"actin_xcheck: ended by {number.name}; what was finished is kept\n"
+        assert (process.returncode, said) == (128 + number, expected)
+
+
+@pytest.mark.slow
+def test_a_killed_process_of_a_comparison_is_replaced_and_its_run_made_again(tmp_path):
+    with started(tmp_path, "compare growing-disk --refine 5") as process:
+        wait_until(lambda: list(tmp_path.glob("out/*.partial.vtkhdf")), 120)
+        os.kill(at_work(process)[0], signal.SIGKILL)
+        _, said = process.communicate(timeout=300)
+    assert (process.returncode, said) == (0, "")
+    runs = sorted(tmp_path.glob("out/*.vtkhdf"))
+    assert len(runs) == 6
+    assert {read_run(path).attributes["outcome"] for path in runs} == {"completed"}
+
+
+def test_what_is_killed_every_time_is_named_and_the_others_are_finished(tmp_path):
+    message = rf"^task 1: its process was ended by SIGKILL .*, {ATTEMPTS} times; what was finished is kept"
+    with pytest.raises(UserError, match=message):
+        work_off(killed_often, [(tmp_path, number) for number in range(4)], lambda *said: None, named)
+    assert {path.name for path in tmp_path.iterdir()} == {"0", "2", "3"}
+
+
+def test_what_is_raised_is_raised_when_the_others_are_finished_and_says_where(tmp_path):
+    with pytest.raises(ValueError, match="task 0") as error:
+        work_off(raises_after, [(tmp_path, number) for number in range(3)], lambda *said: None, named)
+    assert "in raises_after" in error.value.__notes__[0]
+    assert {path.name for path in tmp_path.iterdir()} == {"1", "2"}
+
+
+def test_progress_is_passed_on_and_results_keep_their_order():
+    said = []
+    results = work_off(told, [(3, 1000), (2, 1), (1, 10)], lambda *one: said.append(one), str)
+    assert results == [3, 2, 1]
+    for label, parts in (("3", 1000), ("2", 1), ("1", 10)):
+        done = [one for name, one, total in said if name == label and total == parts]
+        assert done == sorted(set(done))
+        assert done[-1] == parts
+        assert len(done) <= 51
+
+
+def named(task: tuple[Path, int]) -> str:
+    return f"task {task[1]}"
