@@ -35,8 +35,7 @@ def faults_command(
     write_hunt(folder / FILE_NAME, found, command())
     page = write_faults_page(folder)
     said = [
-        f"FAIL without a fault: {clean.check.name}: {claim.statement}: "
-        f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})"
+        f"FAIL without a fault: {clean.check.name}: {claim.statement}: {claim.excess} ({claim.note})"
         for clean in found.clean
         for claim in clean.red
     ]

@@ -4,6 +4,11 @@ import math
 from dataclasses import dataclass
 
 
+def excess(value: float, bound: float) -> str:
+    """Return a value and the bound that it exceeds in words; nan exceeds none, and proves nothing."""
+    return "there is no number" if math.isnan(value) else f"{value:.3g} > {bound:.3g}"
+
+
 @dataclass(frozen=True)
 class Claim:
     """A statement about the runs of one scene that either holds or does not.
@@ -38,6 +43,11 @@ class Claim:
     def holds(self) -> bool:
         """True where the value is finite and within the bound: a run that gave no number proves nothing."""
         return math.isfinite(self.value) and self.value <= self.bound
+
+    @property
+    def excess(self) -> str:
+        """Why it fails, for a reader: see `excess`."""
+        return excess(self.value, self.bound)
 
     @property
     def verdict(self) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from actin_xcheck.core.claim import excess
 from actin_xcheck.runs.store import provenance, reading, state, writing
 from actin_xcheck.studies.faults.hunt import Caught, Clean, Hunt
 
@@ -45,6 +46,11 @@ class Row:
     def caught(self) -> bool:
         """Whether a check turned red."""
         return bool(self.check)
+
+    @property
+    def excess(self) -> str:
+        """Of the claim, see `Claim.excess`."""
+        return excess(self.value, self.bound)
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,7 @@ def _row(caught: Caught) -> Row:
 
 
 def _clean_row(clean: Clean) -> CleanRow:
-    said = [f"{claim.statement}: {claim.value:.3g} > {claim.bound:.3g}" for claim in clean.red]
+    said = [f"{claim.statement}: {claim.excess}" for claim in clean.red]
     return CleanRow(clean.check.name, clean.judged, tuple(said), clean.seconds)
 
 
