@@ -9,7 +9,7 @@ import numpy as np
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.exhibits import Chapter
-from actin_xcheck.runs.method import METHODS, Method
+from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.scene.outline import write_mesh
@@ -108,7 +108,7 @@ def _wanted(studies: Sequence[tuple[Scene, Sequence[Family]]], methods: Sequence
 
 def _cost(case: Case) -> float:
     """About how long a case takes, in any unit."""
-    method = METHODS[case.method]
+    method = find_method(case.method)
     stages = 1 + 2.5 * (method.order_dt - 1)
     return case.steps * 4.0**case.refine * stages * method.space**2 * (1 if method.family == "fem" else 2)
 

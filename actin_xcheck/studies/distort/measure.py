@@ -10,7 +10,7 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.march import Tolerance, integrate
-from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.distortion import aspects, largest_angle
 from actin_xcheck.scene.resolve import mesh_of, resolve
@@ -80,7 +80,7 @@ class _Watch:
 
 def answer_of(case: Case) -> Answer:
     """Run a case in equal steps."""
-    scene, method = parse_scene(case.scene, "a scene"), METHODS[case.method]
+    scene, method = parse_scene(case.scene, "a scene"), find_method(case.method)
     solver = solver_for(resolve(scene), method, case.mesh(scene.parameters.l0))
     return _answer(scene, solver, scene.time.end / case.steps, None)
 
