@@ -15,6 +15,7 @@ from actin_xcheck.core.outcome import Ending
 from actin_xcheck.nightly import groups
 from actin_xcheck.nightly.files import located, numbers_in
 from actin_xcheck.nightly.history.record import Kind, Number
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import load_scene
@@ -142,7 +143,7 @@ def control(caught: Caught) -> Claim:
         value = claim.bound / claim.value
         if not math.isfinite(claim.value):
             value, said = 1.0, "1, the worst of those that are caught: the claim that failed has no number"
-        failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.value:.3g} > {claim.bound:.3g}"
+        failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.excess}"
         note = f"caught by {caught.check} ({failed})"
     elif not note:
         note = f"{len(caught.passed)} checks stayed green"
@@ -152,7 +153,7 @@ def control(caught: Caught) -> Claim:
         f"is caught: {fault.sentence}",
         value,
         1.0,
-        f"python -m actin_xcheck faults --only {fault.name}",
+        command("faults", only=fault.name),
         f"{groups.FAULTS}{fault.name}",
         f"{note}; value: {said}",
     )

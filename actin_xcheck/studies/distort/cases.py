@@ -1,12 +1,12 @@
 """What is run: scenes and methods on distorted meshes, step by step worse, each on two mesh widths."""
 
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Delta
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.distortion import flattened, off_ring, perturbed, stretched, without_layers
 from actin_xcheck.scene.scene import Scene
@@ -132,9 +132,9 @@ class Case:
 
     def command(self, scene: Scene) -> str:
         """The command that makes the run again, in the report's folder."""
-        words = ["run", scene.origin, "--method", self.method, "--dt", repr(scene.time.end / self.steps)]
-        words += ["--mesh", f"meshes/{scene.name}/{self.mesh_name}.vtu", "--out", "run.vtkhdf"]
-        return "python -m actin_xcheck " + shlex.join(words)
+        mesh = f"meshes/{scene.name}/{self.mesh_name}.vtu"
+        dt = scene.time.end / self.steps
+        return command("run", scene.origin, method=self.method, dt=dt, mesh=mesh, out="run.vtkhdf")
 
 
 def families_of(scene: Scene) -> tuple[Family, ...]:
