@@ -17,6 +17,7 @@ from actin_xcheck.runs.run import numerics, run
 from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.verdicts.judge import again, judge
+from actin_xcheck.verdicts.known_to import KnownTo, keep, known_to
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, attach, triangulate
 
 DEFAULT_SCENES = ("mode-11-wall", "static-decay", "growing-disk", "fig14-four-fronts")
@@ -145,6 +146,7 @@ def compare(
     run_all([*jobs, *beside], report)
     claims: list[Claim] = []
     triangles: list[Triangle] = []
+    known: dict[str, KnownTo] = {}
     for scene in {job.scene.name: job.scene for job in jobs}.values():
         levels = [_levels(job, beside) for job in jobs if job.scene.name == scene.name]
         found = triangulate(scene, levels)
@@ -154,11 +156,13 @@ def compare(
             triangle.claim(again(scene, *(runs[one] for one in triangle.methods))) for triangle in found
         ]
         triangles += found
+        known[scene.name] = known_to(scene, levels)
     files = {f"{job.scene.name}/{job.method.name}": job.path for job in jobs}
     stated = {"command": command, **store.provenance()}
     store.write_comparison(folder / "comparison.h5", claims, files, stated)
     coarse = {f"{job.scene.name}/{job.method.name}/{job.coarser}": job.path for job in beside}
     attach(folder / "comparison.h5", triangles, coarse)
+    keep(folder / "comparison.h5", known)
     return claims
 
 
