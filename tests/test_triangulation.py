@@ -142,12 +142,16 @@ def adaptive_levels(method, refine, rtol, folder):
 def test_uncertainties_cover_what_is_wrong_when_steps_are_chosen(method, refine, rtol, tmp_path):
     scene, levels = adaptive_levels(method, refine, rtol, tmp_path)
     run = levels.runs[0]
+    still = replace(run, series=run.series | {"local_error": np.zeros(len(run.series["time"]))})
+    silent = replace(levels, runs=(still, *levels.runs[1:]))
     for t, quantities in TRUE.items():
         made = run.series["local_error"][1:][run.series["time"][1:] <= t].sum()
         for quantity, (true, known_to) in quantities.items():
             (value,), found, _ = estimate(scene, levels, quantity, t)
             assert abs(value - true) <= found + known_to
-            assert found > made * value  # what the steps say of themselves is part of it
+            without = estimate(scene, silent, quantity, t)[1]
+            share = made * value * (2 if quantity == "area" else 1)  # of radii
+            assert found - without == pytest.approx(share, rel=1e-6)
 
 
 def test_what_linear_systems_leave_is_part_of_it(tmp_path):
