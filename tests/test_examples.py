@@ -10,12 +10,23 @@ import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS, find_method
-from actin_xcheck.runs.run import bind
+from actin_xcheck.runs.run import bind, run
+from actin_xcheck.runs.store import read_comparison, read_run
+from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies import compare as comparison
+from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.examine import examine
 from actin_xcheck.studies.converge.studies import studies_of
+from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
+from actin_xcheck.studies.distort.measure import answer_of
+from actin_xcheck.studies.frontier.limits import AMPLITUDE, lines_of, theory_chapter
+from actin_xcheck.studies.frontier.planes import plane_of
+from actin_xcheck.verdicts.judge import l2_error
 from actin_xcheck.verdicts.orders import Verdict
+from actin_xcheck.verdicts.triangulate import read_triangles
 from tests import test_contract
 from tests.lab import error_against, film_of, local_orders, play, scene_of
 from tests.test_docs import ROOT, TEN_LINES
@@ -192,3 +203,89 @@ def test_an_order_that_is_not_there_is_found(declared, expected, toy, tmp_path):
     results = examine(studies_of("growing-disk", [method], tmp_path), tmp_path, "", lambda *told: None)
     judged = {one.observed.verdict for one in results if one.refined == "dt"}
     assert judged == expected
+
+
+# among the others: by the code it belongs to, however it is called
+
+MISLEADING = "fem-p1-plug", "fv-plug"
+
+
+@pytest.fixture
+def twins(toy):
+    """The toy method under names that belong to others."""
+    return [dataclasses.replace(toy, name=name) for name in MISLEADING]
+
+
+def compared(folder, methods, scene="growing-disk"):
+    jobs = comparison.jobs_of([load_scene(scene)], methods, folder, 3, 0.05)
+    with in_turn():
+        return comparison.compare(jobs, folder, "")
+
+
+def agreements(claims):
+    return {claim.methods for claim in claims if " agrees with " in claim.statement}
+
+
+def test_a_method_is_held_against_every_other_code_and_not_against_its_own(toy, twins, tmp_path):
+    ours = "fem-p1-imex2", "fv-order2"
+    claims = compared(tmp_path, [*twins, *map(find_method, ours)])
+    pairs = {(one, other) for one in MISLEADING for other in ours} | {ours}
+    assert {frozenset(pair) for pair in agreements(claims)} == {frozenset(pair) for pair in pairs}
+    triangles = read_triangles(tmp_path / "comparison.h5")
+    assert {frozenset(one.methods) for one in triangles} == {frozenset(pair) for pair in pairs}
+    assert {one.verdict for one in triangles} == {"PASS"}
+    assert {claim.verdict for claim in claims} == {"PASS"}
+    corners = {name for one in triangles for name in (one.corners[0].name, one.corners[1].name)}
+    assert corners == {"FEM", "FV", *MISLEADING}
+    assert len(list(tmp_path.glob("*--coarser-*"))) == 8  # two of each, for each has a corner
+
+
+def test_two_methods_of_one_package_are_one_code(twins, tmp_path):
+    """Nothing is held against anything, so that nothing runs beside."""
+    assert agreements(compared(tmp_path, twins)) == set()
+    assert read_triangles(tmp_path / "comparison.h5") == []
+    assert not list(tmp_path.glob("*--coarser-*"))
+
+
+def test_a_page_reads_from_the_files_whose_code_made_a_run(twins, tmp_path):
+    compared(tmp_path, [*twins, METHODS["fem-p1-imex2"]])
+    runs = list(read_comparison(tmp_path / "comparison.h5").runs.values())
+    assert {run.attributes["method_name"]: run.family for run in runs} == {
+        "fem-p1-plug": "toy_method",
+        "fv-plug": "toy_method",
+        "fem-p1-imex2": "fem",
+    }
+    differences = [row.label for row in film_strip(runs).rows if row.is_difference]
+    assert differences == [f"{name} − fem-p1-imex2" for name in MISLEADING]
+    older = [dataclasses.replace(run, attributes=without(run.attributes, "family")) for run in runs]
+    assert [run.family for run in older] == [run.family for run in runs]  # by the solver that they state
+    assert write_report(tmp_path).exists()
+
+
+def without(attributes, name):
+    return {key: value for key, value in attributes.items() if key != name}
+
+
+def test_the_error_of_a_field_is_not_that_of_its_means_for_its_name(twins, tmp_path):
+    scene = load_scene("growing-disk")
+    errors = []
+    for method in twins:
+        path = tmp_path / f"{method.name}.vtkhdf"
+        run(scene, method, 3, 0.05, path)
+        errors.append(l2_error(scene, read_run(path)))
+    assert errors[0] == errors[1]
+
+
+def test_theory_draws_no_limits_of_steps_that_it_does_not_know(toy):
+    scene = load_scene("fig14-four-fronts")
+    drawn = {line.label for line in lines_of(scene, toy, plane_of("dt,h", toy))}
+    ours = find_method("fem-p1-imex2")
+    assert {line.label for line in lines_of(scene, ours, plane_of("dt,h", ours))} - drawn >= {AMPLITUDE}
+    known = {plot.key: plot for plot in theory_chapter(scene, [toy, ours]).exhibits}
+    assert [line.label for line in known["amplitude"].lines] == ["fem-p1-imex2", "1%"]
+
+
+def test_its_errors_on_distorted_meshes_are_measured(toy, tmp_path):
+    scene = load_scene("static-decay")
+    case, _ = cases_of(scene, toy, FAMILIES["perturbed"], 0.3)
+    assert answer_of(case, tmp_path).ending == Ending.COMPLETED

@@ -322,7 +322,7 @@ def test_a_real_night(tmp_path):
 )
 def test_what_comes_to_no_verdict_fails_in_its_own_light(check, group):
     (claim,) = work.ended(check, Lost("was stopped", False), 1.0).claims
-    assert (claim.verdict, group_of(claim), claim.note) == ("FAIL", group, "was stopped")
+    assert (claim.verdict, group_of(claim), claim.note) == ("FAIL", group, "broke down: was stopped")
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
@@ -15,7 +16,7 @@ from actin_xcheck.studies.compare import Job, companions, jobs_of
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.known import known
-from actin_xcheck.verdicts.triangulate import Corner, Levels, read_triangles, triangulate, verdict
+from actin_xcheck.verdicts.triangulate import Corner, Levels, estimate, read_triangles, triangulate, verdict
 from actin_xcheck.verdicts.uncertainty import uncertainty
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
@@ -96,6 +97,71 @@ def test_rounded_steps_that_grow_too_little_are_allowed_for():
     """Twice the step, not four times, where an output interval held two steps: the error doubled only."""
     found, _ = uncertainty([np.array([3 + 1e-3]), np.array([3 + 2e-3])], 2, 2, True, 0)
     assert found == pytest.approx(3e-3)
+
+
+def test_errors_of_steps_that_all_levels_share_are_not_extrapolated_away():
+    """Fig. 14 by fem-p3-imex4 at refine 5, 4 and 3: what changes is smaller than what is wrong."""
+    values = [np.array([total]) for total in (3.205341809146, 3.205341815964, 3.205341960090)]
+    wrong = abs(values[0][0] - TRUE[0.1636]["total_actin"][0])
+    assert uncertainty(values, 4, 16, True, 3e-12)[0] < wrong / 2
+    found, how = uncertainty(values, 4, 16, True, 3e-12, steps=7e-6)
+    assert found == pytest.approx(7e-6, rel=1e-2)
+    assert "errors of the steps 7.0e-06" in how
+
+
+TRUE = {
+    0.05: {"area": (3.2018457968453333, 3e-9), "total_actin": (3.185457236519055, 2e-9)},
+    0.1: {"area": (3.3162582657687207, 6.4e-9), "total_actin": (3.1887503004811433, 2.3e-9)},
+    0.1636: {"area": (3.64516774579029, 2.1e-8), "total_actin": (3.205341814113214, 3.2e-9)},
+}
+"""Fig. 14 by P6 and P7 elements, each with its uncertainty."""
+
+
+def adaptive_levels(method, refine, rtol, folder):
+    """Fig. 14 by a tolerance and its companions, all as a sector: the same numbers, sooner."""
+    scene, chosen = load_scene("fig14-four-fronts"), METHODS[method]
+    (job,) = jobs_of([scene], [chosen], folder, refine, None, rtol)
+    other = replace(job, method=METHODS[FV], path=folder / "other.vtkhdf")
+    part = reduced(scene, chosen, Fidelity.SECTOR)
+    levels = [job, *(one for one in companions([job, other]) if one.method is chosen)]
+    for one in levels:
+        run(scene, chosen, one.refine, one.dt, one.path, rtol=one.rtol, reduction=part)
+    return scene, Levels(chosen, tuple(read_run(one.path) for one in levels))
+
+
+@pytest.mark.parametrize(
+    ("method", "refine", "rtol"),
+    [
+        ("fem-p2-imex3", 2, 1e-3),
+        ("fem-p3-imex4", 2, 1e-3),
+        ("fem-p1-imex2", 3, 1e-4),
+        pytest.param("fem-p3-imex4", 5, 1e-5, marks=SLOW),  # where errors in time are what is left
+        pytest.param("fem-p4-imex4", 4, 1e-4, marks=SLOW),
+    ],
+)
+def test_uncertainties_cover_what_is_wrong_when_steps_are_chosen(method, refine, rtol, tmp_path):
+    scene, levels = adaptive_levels(method, refine, rtol, tmp_path)
+    run = levels.runs[0]
+    still = replace(run, series=run.series | {"local_error": np.zeros(len(run.series["time"]))})
+    silent = replace(levels, runs=(still, *levels.runs[1:]))
+    for t, quantities in TRUE.items():
+        made = run.series["local_error"][1:][run.series["time"][1:] <= t].sum()
+        for quantity, (true, known_to) in quantities.items():
+            (value,), found, _ = estimate(scene, levels, quantity, t)
+            assert abs(value - true) <= found + known_to
+            without = estimate(scene, silent, quantity, t)[1]
+            share = made * value * (2 if quantity == "area" else 1)  # of radii
+            assert found - without == pytest.approx(share, rel=1e-6)
+
+
+def test_what_linear_systems_leave_is_part_of_it(tmp_path):
+    """10^4 steps solved to 1e-14 each."""
+    levels = levels_of(load_scene("growing-disk"), FEM, tmp_path, 2, 8)
+    run = levels.runs[0]
+    longer = {name: np.repeat(values, 1250, axis=0) for name, values in run.series.items()}
+    steps = Levels(levels.method, (replace(run, series=longer), *levels.runs[1:]))
+    few, many = (estimate(load_scene("growing-disk"), one, "area", 0.5)[1] for one in (levels, steps))
+    assert many - few == pytest.approx(5.2 * 1e-14 * 1e4, rel=0.2)
 
 
 # companions

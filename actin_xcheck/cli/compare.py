@@ -26,6 +26,7 @@ from actin_xcheck.runs.method import find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.verdicts.known_to import in_words, read_known_to
 
 
 def compare_command(
@@ -65,11 +66,20 @@ def compare_command(
     judged = [claim for claim in claims if claim.judged]
     failed = [claim for claim in judged if not claim.holds]
     said = tuple(
-        f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: "
-        f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})"
+        f"FAIL {claim.scene} [{', '.join(claim.methods)}]: {claim.statement}: {claim.excess} ({claim.note})"
         for claim in failed
     )
     verdicts = dict(Counter(claim.verdict for claim in claims))
-    answer = ReportAnswer(command="compare", page=str(page), verdicts=verdicts, findings=said)
-    conclude(answer, f"{len(judged) - len(failed)} of {len(judged)} claims hold", json)
+    known = read_known_to(folder / "comparison.h5")
+    answer = ReportAnswer(
+        command="compare",
+        page=str(page),
+        verdicts=verdicts,
+        findings=said,
+        known_to_percent={
+            scene: {name: 100 * error for name, error in found.items()} for scene, found in known.items()
+        },
+    )
+    to = "".join(f"{scene}: {in_words(found)}\n" for scene, found in known.items())
+    conclude(answer, f"{to}{len(judged) - len(failed)} of {len(judged)} claims hold", json)
     raise typer.Exit(1 if failed else 0)

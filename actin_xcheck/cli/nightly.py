@@ -16,6 +16,7 @@ import typer
 from actin_xcheck.cli.options import command, make_folder
 from actin_xcheck.cli.output import Answer, Json, say
 from actin_xcheck.cli.progress import Progress
+from actin_xcheck.core.claim import excess
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked, replace_file
 from actin_xcheck.nightly.baseline import against
@@ -37,6 +38,7 @@ from actin_xcheck.nightly.nights import (
 from actin_xcheck.nightly.plan import Plan, chosen, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, Kept, read_night
 from actin_xcheck.nightly.remote import carry_out_elsewhere
+from actin_xcheck.runs.commands import command as command_of
 from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.store import provenance
@@ -242,7 +244,8 @@ def _against(history: Path, kept: Kept) -> Done | None:
     night = find_night(read_nights(history), kept.begun.baseline).night
     old = read_numbers(history, night.name), read_claims(history, night.name)
     new = list(numbers_of(kept)), {one.key: one for one in judged_in(kept.done)}
-    claims = tuple(against(night, old, new))
+    again = command_of("diff", night.name, kept.begun.name, file=history)
+    claims = tuple(against(night, again, old, new))
     return Done(f"baseline {night.name}", claims, ("",) * len(claims), (), time.perf_counter() - began)
 
 
@@ -291,7 +294,7 @@ def _print(kept: Kept, answer: NightAnswer, index: Path) -> None:
         print(f"deliberate fault: {kept.begun.fault}")
     for one in answer.failed:
         print(f"FAIL {one.scene} [{', '.join(one.methods)}]: {one.statement}: ", end="")
-        print(f"{one.value:.3g} > {one.bound:.3g} ({one.note})")
+        print(f"{excess(one.value, one.bound)} ({one.note})")
     for name, trouble in answer.troubles.items():
         print(f"FAIL {name}: {trouble}")
     for left in kept.left_out:

@@ -1,7 +1,6 @@
 """What the commands share: options, where their results go, and the words they were given."""
 
 import math
-import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import new_folder
 from actin_xcheck.core.model import CAVEATS
+from actin_xcheck.runs.commands import typed
 from actin_xcheck.scene.scene import Scene
 
 Refine = Annotated[
@@ -41,13 +41,13 @@ def make_folder(folder: Path) -> Path:
 
 def command() -> str:
     """The command this process was started with, to be typed again."""
-    return "python -m actin_xcheck " + shlex.join(sys.argv[1:])
+    return typed(sys.argv[1:])
 
 
 def resuming_command() -> str:
     """The one that goes on with what this process has begun."""
     words = [word for word in sys.argv[1:] if word not in ("--force", "--resume")]
-    return "python -m actin_xcheck " + shlex.join([*words, "--resume"])
+    return typed([*words, "--resume"])
 
 
 def warn_of(scene: Scene) -> None:

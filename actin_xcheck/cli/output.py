@@ -60,6 +60,8 @@ class ReportAnswer(Answer):
     """How many of what was judged came out how; empty where nothing is judged."""
     findings: tuple[str, ...] = ()
     """What is said of single ones: those that fail first of all."""
+    known_to_percent: dict[str, dict[str, float | None]] = {}
+    """Of `compare`, by scene: the largest error of area and of total actin; null where not known."""
 
 
 def conclude(answer: ReportAnswer, found: str, as_json: bool) -> None:

@@ -4,6 +4,11 @@ import math
 from dataclasses import dataclass
 
 
+def excess(value: float, bound: float) -> str:
+    """Return a value and the bound that it exceeds in words; nan exceeds none, and proves nothing."""
+    return "there is no number" if math.isnan(value) else f"{value:.3g} > {bound:.3g}"
+
+
 @dataclass(frozen=True)
 class Claim:
     """A statement about the runs of one scene that either holds or does not.
@@ -43,7 +48,12 @@ class Claim:
     def sentence(self) -> str:
         """The claim with what it is about, its number and its bound, in a line."""
         about = f"{self.scene} [{', '.join(self.methods)}]: {self.statement}"
-        return f"{about}: {self.value:.3g} > {self.bound:.3g} ({self.note})"
+        return f"{about}: {self.excess} ({self.note})"
+
+    @property
+    def excess(self) -> str:
+        """Why it fails, for a reader: see `excess`."""
+        return excess(self.value, self.bound)
 
     @property
     def verdict(self) -> str:

@@ -22,6 +22,7 @@ _SAID = {
 
 def against(
     night: Night,
+    again: str,
     old: tuple[Sequence[Number], Mapping[str, Judged]],
     new: tuple[Sequence[Number], Mapping[str, Judged]],
 ) -> list[Claim]:
@@ -30,6 +31,7 @@ def against(
     Parameters
     ----------
     night : the earlier one.
+    again : the command that shows both.
     old, new : numbers and claims by key, of the earlier night and of this one.
 
     Numbers that only one of them has are not compared, nor are times and memory, which the history judges
@@ -47,22 +49,22 @@ def against(
     ]
     compared = {kind: sum(one.kind is kind for one in after if one.key in common) for kind in _SAID}
     if not any(compared.values()):
-        return [_nothing_in_common(night)]
+        return [_nothing_in_common(night, again)]
     return [
-        _claim(night, kind, [one for one in found if one.kind is kind and _worse(one)], compared[kind])
+        _claim(night, again, kind, [one for one in found if one.kind is kind and _worse(one)], compared[kind])
         for kind in _SAID
         if compared[kind]
     ]
 
 
-def _nothing_in_common(night: Night) -> Claim:
+def _nothing_in_common(night: Night, again: str) -> Claim:
     return Claim(
         "baseline",
         (),
         "there are numbers to compare",
         math.nan,
         0.0,
-        f"python -m actin_xcheck diff {night.name} NIGHT",
+        again,
         f"{BASELINE}common",
         f"nothing in common with {night.name}: no number that it has was found here",
     )
@@ -79,7 +81,7 @@ def _worse(one: Difference) -> bool:
     return not small and (one.direction in ("worse", "gone") or one.kind is Kind.RATE)
 
 
-def _claim(night: Night, kind: Kind, worse: Sequence[Difference], compared: int) -> Claim:
+def _claim(night: Night, again: str, kind: Kind, worse: Sequence[Difference], compared: int) -> Claim:
     listed = "; ".join(f"{one.key}: {one.change}" for one in worse if one.weight >= 1)
     return Claim(
         "baseline",
@@ -87,7 +89,7 @@ def _claim(night: Night, kind: Kind, worse: Sequence[Difference], compared: int)
         _SAID[kind],
         max((one.weight for one in worse), default=0.0),
         1.0,
-        f"python -m actin_xcheck diff {night.name} NIGHT",
+        again,
         f"{BASELINE}{kind}",
         f"against {night.name}: {listed or f'{compared} numbers compared'}; "
         "value: largest change over the smallest of interest",

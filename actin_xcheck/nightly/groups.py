@@ -2,11 +2,11 @@
 
 import math
 import re
-import shlex
 from dataclasses import replace
 from enum import StrEnum
 
 from actin_xcheck.core.claim import Claim
+from actin_xcheck.runs.commands import command
 
 
 class Group(StrEnum):
@@ -79,7 +79,7 @@ def no_verdict(check: str, trouble: str) -> Claim:
     """What fails where a check broke down: it has the light of what it would have judged."""
     kind, _, subject = check.partition(" ")
     path = {"fault": FAULTS, "cost": COST}.get(kind, "/")
-    again = "python -m actin_xcheck " + shlex.join(["nightly", "--only", check])
+    again = command("nightly", only=check)
     name = subject if kind == "fault" else check
     return Claim(name, (), "comes to a verdict", math.nan, 0.0, again, f"{path}{subject}", trouble)
 

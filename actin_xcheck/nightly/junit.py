@@ -43,7 +43,7 @@ def _suite(root: ET.Element, done: Done, night: Kept) -> None:
         if done.trouble:
             ET.SubElement(case, "error", _clean({"message": done.trouble, "type": "trouble"}))
         elif claim.verdict == "FAIL":
-            said = {"message": f"{claim.value:.3g} > {claim.bound:.3g}", "type": "claim"}
+            said = {"message": claim.excess, "type": "claim"}
             ET.SubElement(case, "failure", _clean(said)).text = _text(claim, file)
         elif claim.verdict == "NOT JUDGED":
             ET.SubElement(case, "skipped", _clean({"message": f"{claim.value:.3g}, no bound"}))

@@ -1,4 +1,4 @@
-"""Film strips: the deforming cell at the output times, one row per method and one per FV - FEM difference."""
+"""Film strips: the deforming cell at the output times, one row per method and one per difference of codes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -52,7 +52,8 @@ class FilmStrip:
 
 
 def film_strip(runs: Sequence[Run]) -> FilmStrip:
-    """Draw the runs of one scene; differences are FV's cell means less FEM's, drawn where FEM's cell is.
+    """Draw the runs of one scene; differences are the cell means of other codes less FEM's (the first
+    one's without it), drawn where its cell is.
 
     The colours span what the completed runs reach: a run on its way to a singularity must not wash them out.
     """
@@ -72,7 +73,7 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
     scale = Colours(SEQUENTIAL, *scale_ends(*reach))
     rows = [row(name, name, f"a of {name}", own, scale) for name, own in shots.items()]
     bars = [scale.bar("a")]
-    fem = next((name for name in named if name.startswith("fem")), "")
+    fem = next((name for name, run in named.items() if run.family == "fem"), next(iter(named)))
     if differences := _differences(named, every, fem):
         largest = max(map(abs, span(_values(list(differences.values()))))) or 1.0
         apart = Colours(DIVERGING, -largest, largest)
@@ -118,11 +119,11 @@ def on_triangles(run: Run, frame: int) -> Array:
 
 
 def _differences(named: dict[str, Run], times: Sequence[float], fem: str) -> dict[str, list[Shot]]:
-    """Cell means of FV less FEM's, by the name of its row, for those of the same cells; none without FEM."""
+    """Cell means of other codes less FEM's, by the name of the row, for those of the same cells."""
     return {
         f"{name} − {fem}": _difference(run, named[fem], times)
         for name, run in named.items()
-        if fem and name.startswith("fv") and np.array_equal(run.corners, named[fem].corners)
+        if run.family != named[fem].family and np.array_equal(run.corners, named[fem].corners)
     }
 
 

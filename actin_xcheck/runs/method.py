@@ -72,7 +72,7 @@ class Method:
 
     @property
     def family(self) -> str:
-        """The code it belongs to: "fem" or "fv"."""
+        """The code it belongs to, which is the package of its solver: "fem", "fv" or another's."""
         return self.solver.split(".")[0]
 
 

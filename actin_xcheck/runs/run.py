@@ -257,6 +257,7 @@ def _attributes(
         "scene_name": scene.name,
         "method": json.dumps(asdict(method)),
         "method_name": method.name,
+        "family": method.family,
         "command": command,
         "refine": refine,
         "dt": dt,

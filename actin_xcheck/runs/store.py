@@ -12,6 +12,7 @@ series, from which it goes on.
 
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -69,6 +70,12 @@ class Run(vtkhdf.Film):
     path: Path
     attributes: dict[str, Any]
     series: dict[str, Array]
+
+    @property
+    def family(self) -> str:
+        """The code that made it, see `Method.family`; earlier files state the solver alone."""
+        solver = re.search(r'"solver": "(\w+)', str(self.attributes["method"]))
+        return str(self.attributes.get("family", solver[1] if solver else ""))
 
     def row_at(self, t: float) -> dict[str, Any]:
         """The row of the series at time t; ValueError where the run did not come that far."""

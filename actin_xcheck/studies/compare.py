@@ -1,7 +1,6 @@
 """Scenes x methods -> runs, claims and one comparison file."""
 
 import json
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -10,13 +9,15 @@ from pathlib import Path
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import store
+from actin_xcheck.runs.commands import command as command_of
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.run import numerics, run
 from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.verdicts.judge import judge
+from actin_xcheck.verdicts.judge import again, judge
+from actin_xcheck.verdicts.known_to import KnownTo, keep, known_to
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, attach, triangulate
 
 DEFAULT_SCENES = ("mode-11-wall", "static-decay", "growing-disk", "fig14-four-fronts")
@@ -52,17 +53,21 @@ class Job:
     def cost(self) -> float:
         """About how long it takes, in any unit: finite volumes take twice as long as finite elements."""
         steps = step_count(self.dt, self.scene.output_times)
-        return (
-            steps * 4.0**self.refine * self.method.space**2 * (1 if self.method.name.startswith("fem") else 2)
-        )
+        return steps * 4.0**self.refine * self.method.space**2 * (2 if self.method.family == "fv" else 1)
 
     @property
     def command(self) -> str:
         """The command that makes this run again."""
-        words = ["run", self.scene.origin, "--method", self.method.name, "--refine", str(self.refine)]
-        words += ["--dt", repr(self.dt)] if self.rtol is None else ["--rtol", repr(self.rtol)]
-        words += ["--fidelity", str(Fidelity.FULL)]
-        return "python -m actin_xcheck " + shlex.join([*words, "--out", self.path.name])
+        return command_of(
+            "run",
+            self.scene.origin,
+            method=self.method.name,
+            refine=self.refine,
+            dt=self.dt,
+            rtol=self.rtol,
+            fidelity=Fidelity.FULL,
+            out=self.path.name,
+        )
 
 
 def jobs_of(
@@ -141,17 +146,23 @@ def compare(
     run_all([*jobs, *beside], report)
     claims: list[Claim] = []
     triangles: list[Triangle] = []
+    known: dict[str, KnownTo] = {}
     for scene in {job.scene.name: job.scene for job in jobs}.values():
         levels = [_levels(job, beside) for job in jobs if job.scene.name == scene.name]
         found = triangulate(scene, levels)
-        claims += judge(scene, {one.method.name: one.runs[0] for one in levels})
-        claims += [triangle.claim(_command(triangle, jobs)) for triangle in found]
+        runs = {one.method.name: one.runs[0] for one in levels}
+        claims += judge(scene, runs)
+        claims += [
+            triangle.claim(again(scene, *(runs[one] for one in triangle.methods))) for triangle in found
+        ]
         triangles += found
+        known[scene.name] = known_to(scene, levels)
     files = {f"{job.scene.name}/{job.method.name}": job.path for job in jobs}
     stated = {"command": command, **store.provenance()}
     store.write_comparison(folder / "comparison.h5", claims, files, stated)
     coarse = {f"{job.scene.name}/{job.method.name}/{job.coarser}": job.path for job in beside}
     attach(folder / "comparison.h5", triangles, coarse)
+    keep(folder / "comparison.h5", known)
     return claims
 
 
@@ -159,20 +170,6 @@ def _levels(job: Job, beside: Sequence[Job]) -> Levels:
     """The stored run of a job and of its companions, finest first."""
     ours = [one for one in beside if (one.scene.name, one.method) == (job.scene.name, job.method)]
     return Levels(job.method, tuple(store.read_run(one.path) for one in (job, *ours)))
-
-
-def _command(triangle: Triangle, jobs: Sequence[Job]) -> str:
-    """What makes the runs of a triangle and their companions again."""
-    both = [job for job in jobs if job.scene.name == triangle.scene and job.method.name in triangle.methods]
-    words = [
-        "compare",
-        both[0].scene.origin,
-        *(word for one in triangle.methods for word in ("--method", one)),
-    ]
-    words += ["--refine", str(both[0].refine), "--dt", repr(both[0].dt)]
-    tolerances = {job.rtol for job in both} - {None}
-    words += [word for rtol in tolerances for word in ("--rtol", repr(rtol))]
-    return "python -m actin_xcheck " + shlex.join(words)
 
 
 def run_all(jobs: Sequence[Job], report: Report) -> None:

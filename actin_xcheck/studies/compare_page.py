@@ -17,6 +17,7 @@ from actin_xcheck.report.svg import STYLES, Style
 from actin_xcheck.runs.store import Comparison, Run, read_comparison
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare_triangles import TrianglePicture, triangle_picture
+from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
 from actin_xcheck.verdicts.triangulate import Triangle, read_triangles
 
 
@@ -73,7 +74,10 @@ def write_report(folder: Path) -> Path:
     folder = Path(folder)
     comparison = read_comparison(folder / "comparison.h5")
     template = environment(folder).get_template("page.html")
+    known = read_known_to(comparison.path)
     html = template.render(
+        known={scene: in_words(found) for scene, found in known.items()},
+        well=all(map(is_well, known.values())),
         attributes=comparison.attributes,
         claims=_grouped(comparison),
         failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
@@ -104,7 +108,7 @@ def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Tr
     scene = parse_scene(runs[0].attributes["scene"], f"{runs[0].path}: /run scene")
     styles = {run.attributes["method_name"]: STYLES[i % len(STYLES)] for i, run in enumerate(runs)}
     strip = film_strip(runs)
-    finite_volumes = (i for i, run in enumerate(runs) if i and run.attributes["method_name"].startswith("fv"))
+    finite_volumes = (i for i, run in enumerate(runs) if i and run.family == "fv")
     drawn = [triangle_picture(one, styles, f"t{number}-{i}") for i, one in enumerate(triangles)]
     return _Section(
         number,
@@ -131,8 +135,7 @@ def _stated(run: Run, name: str) -> dict[str, Any]:
 
 
 def _rank(run: Run) -> int:
-    family = run.attributes["method_name"].split("-")[0]
-    return ("fem", "fv").index(family) if family in ("fem", "fv") else 2
+    return {"fem": 0, "fv": 1}.get(run.family, 2)
 
 
 def _grouped(comparison: Comparison) -> dict[str, list[Claim]]:

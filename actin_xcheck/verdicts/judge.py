@@ -5,7 +5,6 @@ themselves are the business of convergence studies.
 """
 
 import json
-import shlex
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Literal
@@ -16,6 +15,7 @@ from actin_xcheck.core import lagrange
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import change
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
@@ -39,7 +39,7 @@ def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
     """Return every claim that can be made about a scene's runs, given by method name."""
     claims = [claim for name, run in runs.items() for claim in _Judge(scene, name, run).claims()]
     for (one, first), (other, second) in combinations(runs.items(), 2):
-        if one.split("-")[0] != other.split("-")[0]:  # one code against the other
+        if first.family != second.family:  # one code against the other
             claims += _agreement(scene, (one, first), (other, second))
     return claims
 
@@ -90,20 +90,40 @@ def _path(scene: Scene, method: str, what: str) -> str:
     return f"/runs/{scene.name}/{method}/{what}"
 
 
-def _command(scene: Scene, *runs: Run) -> str:
-    """What computes a claim's value again: the comparison of one scene at the same resolution."""
-    attributes = runs[0].attributes
-    methods = [word for run in runs for word in ("--method", str(run.attributes["method_name"]))]
-    numerics = ["--refine", str(attributes["refine"]), "--dt", repr(float(attributes["dt"]))]
-    return "python -m actin_xcheck " + shlex.join(["compare", scene.origin, *methods, *numerics])
+def again(scene: Scene, *runs: Run) -> str:
+    """What computes a number of these runs again: the comparison of one scene with the same numerics.
+
+    A comparison solves the whole model on the disk; of any other run it is what made that.
+    """
+    first = runs[0].attributes
+    whole = first.get("fidelity", Fidelity.FULL) == Fidelity.FULL
+    if not whole or first.get("mesh") or first.get("remesh"):
+        return str(first["command"])
+    return command(
+        "compare",
+        scene.origin,
+        method=tuple(str(run.attributes["method_name"]) for run in runs),
+        refine=int(first["refine"]),
+        dt=float(first["dt"]),
+        rtol=max(map(_rtol, runs)) or None,  # one of them may take equal steps
+    )
+
+
+def _rtol(run: Run) -> float:
+    """The tolerance by which a run chose its steps; 0 where they are equal."""
+    return float(np.nan_to_num(run.attributes.get("rtol", np.nan)))
 
 
 def _bound(bound: Bound, run: Run) -> tuple[float, str]:
-    """The bound at the run's resolution and how it is made up."""
-    h, dt = 2.0 ** -int(run.attributes["refine"]), float(run.attributes["dt"])
+    """The bound at the run's resolution and how it is made up.
+
+    dt is the largest step that was taken: of a run that chose its steps, the one asked for is a limit only.
+    """
+    h, dt = 2.0 ** -int(run.attributes["refine"]), float(np.diff(run.series["time"]).max(initial=0.0))
+    chosen = f", the largest step chosen by the tolerance {_rtol(run):g}" if _rtol(run) else ""
     return (
         bound.h2 * h**2 + bound.dt * dt,
-        f"bound = {bound.h2:g} h^2 + {bound.dt:g} dt, h = {h:g}, dt = {dt:g}",
+        f"bound = {bound.h2:g} h^2 + {bound.dt:g} dt, h = {h:g}, dt = {dt:g}{chosen}",
     )
 
 
@@ -145,7 +165,7 @@ class _Judge:
             statement,
             value,
             bound,
-            _command(self.scene, self.run),
+            again(self.scene, self.run),
             _path(self.scene, self.method, what),
             note,
         )
@@ -183,8 +203,8 @@ class _Judge:
                 note = f"{error}; {note}"
         return self._claim(
             f"mode ({expected.m}, {expected.n}) grows at the predicted rate {_complex(rate)} "
-            f"(relative error; measured {_complex(measured)})",
-            abs(measured - rate) / abs(rate) if rate else np.nan,
+            f"({'relative error' if rate else 'error'}; measured {_complex(measured)})",
+            abs(measured - rate) / (abs(rate) or 1.0),
             bound,
             "run/series/mode_amplitude",
             note,
@@ -228,7 +248,7 @@ def l2_error(scene: Scene, run: Run) -> float:
     x, xi, a = (rule.blend(nodal, run.cells) for nodal in (run.points[-1], run.xi, run.a_points[-1]))
     exact = in_scene_frame(scene, scene.expect.exact.a, x, xi, float(run.times[-1]))
     dx = rule.dx(run.points[-1], run.cells)
-    if str(run.attributes["method_name"]).startswith("fv"):
+    if run.family == "fv":
         areas = dx.sum(axis=0)
         exact = (exact * dx).sum(axis=0) / areas
         return float(np.sqrt(areas @ (run.a_cells[-1] - exact) ** 2 / (areas @ exact**2)))
@@ -238,7 +258,8 @@ def l2_error(scene: Scene, run: Run) -> float:
 def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
     """Largest error over the reference times: relative for area and total actin, absolute for probes.
 
-    nan where the run did not reach a reference time.
+    nan where the run did not reach a reference time that is judged; a quantity none of whose values is judged
+    (they are nan in the scene) has none.
     """
     assert scene.expect.reference is not None
     errors: dict[str, list[float]] = {}
@@ -254,8 +275,9 @@ def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
                 got = got @ turn_matrix(scene)
             scale = expected if quantity in {"area", "total_actin"} else 1.0
             difference = np.abs(np.asarray(got) - np.asarray(expected, dtype=float)) / scale
-            errors.setdefault(quantity, []).append(float(np.nanmax(difference)) if reached else np.nan)
-    return {quantity: float(np.max(values)) for quantity, values in errors.items()}
+            judged = np.isfinite(np.asarray(expected, dtype=float))
+            errors.setdefault(quantity, []).extend(difference[judged] if reached else judged[judged] * np.nan)
+    return {quantity: float(np.max(values)) for quantity, values in errors.items() if values}
 
 
 def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:
@@ -276,7 +298,7 @@ def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> It
         f"{other_name} agrees with {name} at the end (relative L2 difference of cell averages)",
         difference,
         bound,
-        _command(scene, first, second),
+        again(scene, first, second),
         _path(scene, name, "VTKHDF/CellData/a"),
         note,
     )

@@ -1,6 +1,9 @@
 """What is known of a scene without running it: reference values, an exact solution, an exact mode."""
 
+import tomllib
 from dataclasses import dataclass
+from decimal import Decimal
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -11,7 +14,7 @@ from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory import growth_rate
 
 PRINTED = 1e-9
-"""Reference values are printed to ten digits."""
+"""Reference values are printed to ten digits at most."""
 
 _RADIAL, _ANGULAR = 24, 96  # points of a spectral quadrature over the disk
 
@@ -41,8 +44,20 @@ def known(scene: Scene, quantity: str, t: float) -> Known | None:
         return Known(np.array([np.pi]), "static disk", 0.0)
     for at in scene.expect.reference.at if scene.expect.reference else ():
         if at.time == t and (printed := getattr(at, quantity)) is not None:
-            return Known(np.ravel(np.asarray(printed, dtype=float)), "reference", PRINTED)
+            values = np.ravel(np.asarray(printed, dtype=float))
+            return Known(values, "reference", _printed(scene.text, quantity))
     return _exact(scene, quantity, t)
+
+
+@cache
+def _printed(text: str, quantity: str) -> float:
+    """One unit of the last digit to which a scene (TOML) states its reference values of a quantity."""
+    stated = tomllib.loads(text, parse_float=Decimal)["expect"]["reference"]["at"]
+    values = np.concatenate(
+        [np.ravel(np.array(at[quantity], dtype=object)) for at in stated if quantity in at]
+    )
+    places = [-int(value.as_tuple().exponent) for value in map(Decimal, values) if value.is_finite()]
+    return max(10.0 ** -max(places, default=0), PRINTED)
 
 
 def rate_parts(rate: complex, oscillates: bool) -> Array:

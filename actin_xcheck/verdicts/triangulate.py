@@ -1,16 +1,17 @@
 """Triangulation: two codes and, where a scene has one, a third corner; which of them is off, said in words.
 
 Every run has coarser companions, h doubled and dt ~ h^(order_h/order_dt), so that both parts of its error
-fall together; from them comes its uncertainty.  Two numbers agree where they are no further apart than the
-sum of their uncertainties.  At probes meshes are not similar: under a material point none is the coarser one
-refined, and pointwise the declared orders are not claimed.  Cell averages are left out: triangles of two
+fall together; from them, and from what it says of the errors of its own steps, comes its uncertainty.  Two
+numbers agree where they are no further apart than the sum of their uncertainties.  At probes meshes are not
+similar: under a material point none is the coarser one refined, and pointwise the declared orders are not
+claimed.  Cell averages are left out: triangles of two
 levels are nested in topology only, and carrying one to the other would cost as much as what is measured.
 """
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations
 from pathlib import Path
 from typing import Literal
 
@@ -30,6 +31,9 @@ from actin_xcheck.verdicts.uncertainty import uncertainty
 ROUND_OFF = {"growth_rate": 1e-8}
 """Relative; 1e-12 of what is not named.  Modes have an amplitude of 1e-6 on a = 1."""
 
+SOLVED = 1e-2
+"""Of the round-off above, what the linear systems of one step leave: they are solved to 1e-14."""
+
 QUANTITIES = ("area", "total_actin", "probe_a", "probe_x", "growth_rate")
 
 
@@ -42,8 +46,9 @@ class Levels:
 
     @property
     def family(self) -> str:
-        """What a reader calls the code."""
-        return self.method.family.upper()
+        """What a reader calls the code; that of another package has the name of its method."""
+        ours = {"fem": "FEM", "fv": "FV"}
+        return ours.get(self.method.family, self.method.name)
 
 
 @dataclass(frozen=True)
@@ -62,9 +67,9 @@ class Triangle:
 
     Attributes
     ----------
-    scene, methods, quantity : what was compared, `methods` finite elements first.
+    scene, methods, quantity : what was compared, `methods` finite elements first, then finite volumes.
     words : the quantity, place and time for a reader.
-    corners : FEM, FV and, where it is known, theory; none where a run did not come to any output time.
+    corners : the two codes and, where it is known, theory; none where a run came to no output time.
     ratio : largest distance of two corners over the sum of their uncertainties; nan without them.
     sentence : the verdict.
     """
@@ -97,6 +102,7 @@ class Triangle:
         judged = bool(np.isfinite(self.ratio)) or not self.corners
         how = "; ".join(f"{corner.name}: {corner.how}" for corner in self.corners)
         measure = "largest distance over the sum of uncertainties" if judged else "the codes' difference"
+        note = f"value: {measure}. {how}" if how else "value: none, for there is nothing to compare"
         return Claim(
             self.scene,
             self.methods,
@@ -105,20 +111,21 @@ class Triangle:
             1.0 if judged else np.nan,
             command,
             f"/triangles/{self.key}",
-            f"value: {measure}. {how}",
+            note,
         )
 
 
 def triangulate(scene: Scene, levels: Sequence[Levels]) -> list[Triangle]:
     """Every quantity that two codes give, for every pair of methods of different codes."""
-    pairs = product(*([one for one in levels if one.method.family == name] for name in ("fem", "fv")))
-    return [triangle for fem, fv in pairs for triangle in _of_pair(scene, fem, fv)]
+    ranked = sorted(levels, key=lambda one: {"fem": 0, "fv": 1}.get(one.method.family, 2))
+    pairs = [pair for pair in combinations(ranked, 2) if len({one.method.family for one in pair}) > 1]
+    return [triangle for one, other in pairs for triangle in _of_pair(scene, one, other)]
 
 
-def _of_pair(scene: Scene, fem: Levels, fv: Levels) -> Iterator[Triangle]:
-    both = fem.method.name, fv.method.name
-    times = [t for t in scene.output_times if all(_reaches(one.runs[0], t) for one in (fem, fv))]
-    missing = [_ending(one.runs[0]) for one in (fem, fv) if not _reaches(one.runs[0], scene.output_times[-1])]
+def _of_pair(scene: Scene, *pair: Levels) -> Iterator[Triangle]:
+    both = pair[0].method.name, pair[1].method.name
+    times = [t for t in scene.output_times if all(reaches(one.runs[0], t) for one in pair)]
+    missing = [_ending(one.runs[0]) for one in pair if not reaches(one.runs[0], scene.output_times[-1])]
     ended = f" ({'; '.join(missing)})" if missing else ""
     if not times:
         sentence = f"no output time was reached by both{ended}"
@@ -137,7 +144,7 @@ def _of_pair(scene: Scene, fem: Levels, fv: Levels) -> Iterator[Triangle]:
                 *verdict(corners, ended),
             )
             for t in at
-            for i, corners in enumerate(_corners(scene, fem, fv, quantity, t) if names else ())
+            for i, corners in enumerate(_corners(scene, pair, quantity, t) if names else ())
         ]
         if found:
             yield max(found, key=_tells)
@@ -166,10 +173,10 @@ def _names(scene: Scene, quantity: str) -> list[str]:
             return [quantity.replace("_", " ")]
 
 
-def _corners(scene: Scene, fem: Levels, fv: Levels, quantity: str, t: float) -> Iterator[tuple[Corner, ...]]:
+def _corners(scene: Scene, pair: Sequence[Levels], quantity: str, t: float) -> Iterator[tuple[Corner, ...]]:
     """The corners of every part of a quantity."""
     theory = known(scene, quantity, t)
-    codes = [(one.family, *_estimate(scene, one, quantity, t)) for one in (fem, fv)]
+    codes = [(one.family, *estimate(scene, one, quantity, t)) for one in pair]
     for i in range(len(codes[0][1])):
         corners = [Corner(name, float(values[i]), spread, how) for name, values, spread, how in codes]
         if theory is not None and np.isfinite(theory.values[i]):
@@ -178,19 +185,19 @@ def _corners(scene: Scene, fem: Levels, fv: Levels, quantity: str, t: float) -> 
 
 
 def _third(theory: Known, i: int) -> Corner:
-    how = "printed to ten digits" if theory.uncertainty else "no uncertainty"
+    how = f"printed to {theory.uncertainty:.0e}" if theory.uncertainty else "no uncertainty"
     return Corner(theory.origin, float(theory.values[i]), theory.uncertainty, how)
 
 
 # a code's number and its uncertainty
 
 
-def _estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str]:
-    """Values (k,) of the run as asked for, their one uncertainty, and how it came about."""
+def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str]:
+    """Values (k,) of the run as asked for, their one uncertainty (nan without one), and how it came about."""
     values: list[Array] = []
     why = "it has no coarser run" if levels.method.order_h else "the method declares no order"
     for run in levels.runs:
-        if not _reaches(run, t):
+        if not reaches(run, t):
             why = f"a coarser run ended early, {_ending(run)}"
             break
         found = _measure(scene, run, quantity, t)
@@ -204,9 +211,28 @@ def _estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Ar
     ratio = _error_ratio(levels, t)
     if ratio <= 1:
         return values[0], np.nan, f"no uncertainty, for a coarser run makes no longer steps up to t = {t:.4g}"
-    similar = not quantity.startswith("probe")
-    floor = ROUND_OFF.get(quantity, 1e-12) * max(1.0, float(np.abs(values[0]).max()))
-    return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor)
+    similar, run = not quantity.startswith("probe"), levels.runs[0]
+    size = max(1.0, float(np.abs(values[0]).max()))
+    solved = SOLVED * (run.series["time"] <= t).sum()
+    floor = ROUND_OFF.get(quantity, 1e-12) * (1 + solved) * size
+    steps = _of_steps(scene, run, quantity, t) * size
+    return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor, steps)
+
+
+def _of_steps(scene: Scene, run: Run, quantity: str, t: float) -> float:
+    """What the errors of all steps up to t amount to, by the method's own estimates; 0 where it makes none.
+
+    They are relative, in radii and in L2; that of an area is twice that of its radius.  Of a mode they count
+    in amplitudes: their sum is what its logarithm is off by over the window of the fit.
+    """
+    errors = np.nan_to_num(run.series.get("local_error", np.zeros(1)))
+    time = run.series["time"]
+    if quantity != "growth_rate":
+        return float(errors[time <= t * (1 + 1e-9)].sum()) * (2 if quantity == "area" else 1)
+    assert scene.expect.growth_rate is not None
+    start, end = scene.expect.growth_rate.window
+    inside = (start < time) & (time <= end)
+    return float((errors[inside] / np.abs(run.series["mode_amplitude"][inside])).sum()) / (end - start)
 
 
 def _error_ratio(levels: Levels, t: float) -> float:
@@ -246,7 +272,8 @@ def _rate(scene: Scene, run: Run) -> Array:
     return rate_parts(fit.rate, oscillates)
 
 
-def _reaches(run: Run, t: float) -> bool:
+def reaches(run: Run, t: float) -> bool:
+    """Whether a run came as far as t."""
     return bool(run.series["time"][-1] >= t * (1 - 1e-9))
 
 
@@ -263,14 +290,14 @@ def verdict(corners: Sequence[Corner], ended: str = "") -> tuple[float, str]:
 
     Parameters
     ----------
-    corners : FEM, FV and perhaps a third.
+    corners : of the two codes, and perhaps a third.
     ended : how a run ended before its time, where one did.
     """
     stated = ", ".join(_in_words(corner, corners) for corner in corners) + ended
-    fem, fv = corners[:2]
+    one, other = corners[:2]
     if unsure := [f"{corner.name} has {corner.how}" for corner in corners if np.isnan(corner.uncertainty)]:
         return np.nan, f"{stated}: not judged, {' and '.join(unsure)}"
-    codes = _apart(fem, fv)
+    codes = _apart(one, other)
     if len(corners) == 2:
         if codes <= 1:
             return codes, f"{stated}: the two agree; there is no theory here"
@@ -279,32 +306,32 @@ def verdict(corners: Sequence[Corner], ended: str = "") -> tuple[float, str]:
             "here: one of them is off and this scene cannot say which"
         )
     third = corners[2]
-    off = [_apart(code, third) for code in (fem, fv)]
+    off = [_apart(code, third) for code in (one, other)]
     return max(codes, *off), f"{stated}: {_which(corners, codes, off)}"
 
 
 def _which(corners: Sequence[Corner], codes: float, off: Sequence[float]) -> str:
     """Which of three corners is off, given the distances of the codes and of each to the third."""
-    third = f"the {corners[2].name}"
+    third, (one, other) = f"the {corners[2].name}", (corner.name for corner in corners[:2])
     if max(codes, *off) <= 1:
         return "all three agree"
     if min(off) > 1 and codes <= 1:
         return (
-            f"FEM and FV agree, both differ from {third}, by {_times(off[0])} and {_times(off[1])}: it does "
-            "not describe this scene, a fault is common to both (they share the force balance), or their "
-            "uncertainties are too small"
+            f"{one} and {other} agree, both differ from {third}, by {_times(off[0])} and {_times(off[1])}: "
+            "it does not describe this scene, a fault is common to both (they share the force balance), or "
+            "their uncertainties are too small"
         )
     if min(off) > 1:
         return (
-            f"no two corners agree: FEM is off {third} by {_times(off[0])}, FV by {_times(off[1])}, and they "
-            f"differ by {_times(codes)}"
+            f"no two corners agree: {one} is off {third} by {_times(off[0])}, {other} by {_times(off[1])}, "
+            f"and they differ by {_times(codes)}"
         )
     if max(off) <= 1:
         return f"each agrees with {third}, on either side of it"
     good, bad = (corners[i].name for i in np.argsort(off))
     if codes <= 1:
         return (
-            f"FEM and FV agree, and {good} with {third}, which {bad} misses by {_times(max(off))}: "
+            f"{one} and {other} agree, and {good} with {third}, which {bad} misses by {_times(max(off))}: "
             f"{bad} is off, or its uncertainty is too small"
         )
     return f"{good} and {third} agree; {bad} is off by {_times(max(off))}: {bad} is the corner that is off"

@@ -12,6 +12,9 @@ it (Verification and Validation in Scientific Computing, 2010, chapter 8):
 * a change smaller than order p leaves of the one before it is an accident (errors that change sign) and is
   not believed: hence the max.
 
+To this comes what the method itself says of its steps.  Levels share errors in time that do not fall with h:
+the first step has the same length on all of them, and no longer one shows what a tolerance has left.
+
 Vectors have one uncertainty, in the largest norm.
 """
 
@@ -29,7 +32,7 @@ CONFIRMED = 0.1
 
 
 def uncertainty(
-    values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float
+    values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float, steps: float = 0.0
 ) -> tuple[float, str]:
     """The uncertainty of the first of two or three levels, and how it came about.
 
@@ -40,14 +43,23 @@ def uncertainty(
     ratio : what the error grows by to the second level if it has that order; 2^p but for rounded steps.
     similar : whether meshes are similar for this quantity, so that an observed order means something.
     floor : the round-off, which is added.
+    steps : the errors of the steps in time, as the method estimates them, which are added too.
     """
+    size, how = _of_levels(values, order, ratio, similar, floor)
+    return size + steps + floor, how + (f", errors of the steps {steps:.1e}" if steps else "")
+
+
+def _of_levels(
+    values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float
+) -> tuple[float, str]:
+    """The part that levels show."""
     fine, coarse = values[:2]
     change = float(np.abs(fine - coarse).max())
     if len(values) < 3:
-        return ELSEWHERE * change / (ratio - 1) + floor, f"Fs = {ELSEWHERE:g}, two levels of order {order:g}"
+        return ELSEWHERE * change / (ratio - 1), f"Fs = {ELSEWHERE:g}, two levels of order {order:g}"
     before = float(np.abs(coarse - values[2]).max())
     if max(change, before) <= floor:
-        return floor, "round-off"
+        return 0.0, "round-off"
     with np.errstate(divide="ignore"):
         observed = float(np.log2(before) - np.log2(change))
     confirmed = similar and abs(observed - order) <= CONFIRMED * order
@@ -55,4 +67,4 @@ def uncertainty(
     factor = ASYMPTOTIC if confirmed else ELSEWHERE
     largest = max(change, before / 2**order)
     how = f"Fs = {factor:g}, observed order {observed:.2f} of {order:g}"
-    return factor * largest / (ratio ** (power / order) - 1) + floor, how
+    return factor * largest / (ratio ** (power / order) - 1), how

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from actin_xcheck.runs.commands import command as command_of
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.studies.audit.record import FILE_NAME, Entry, write_audit
@@ -43,4 +44,4 @@ def _examine(task: tuple[str, Path], report: Report) -> Entry:
     report(key, 1, 1)
     files = (file for study in row.studies for file in evidence[study].files.values())
     runs = tuple(file.relative_to(folder).as_posix() for file in files)
-    return Entry(key, row.place, row.statement, finding, f"python -m actin_xcheck paper --only {key}", runs)
+    return Entry(key, row.place, row.statement, finding, command_of("paper", only=key), runs)

@@ -5,10 +5,10 @@ steps, local errors ~ h^order_h for chosen ones.  Beside each such point stand o
 smaller steps, for no rule knows where a scene has its errors.
 """
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS, Method
@@ -76,10 +76,16 @@ class Point:
 
     def command(self, scene: Scene) -> str:
         """The command that makes this run again."""
-        words = ["run", scene.origin, "--method", self.method.name, "--refine", str(self.refine)]
-        words += ["--dt", repr(self.dt), *(() if self.rtol is None else ("--rtol", repr(self.rtol)))]
-        words += ["--fidelity", str(self.fidelity), "--out", f"{self.key}.vtkhdf"]
-        return "python -m actin_xcheck " + shlex.join(words)
+        return command(
+            "run",
+            scene.origin,
+            method=self.method.name,
+            refine=self.refine,
+            dt=self.dt,
+            rtol=self.rtol,
+            fidelity=self.fidelity,
+            out=f"{self.key}.vtkhdf",
+        )
 
 
 def ladder(scene: Scene, method: Method, quick: bool = False) -> list[Point]:

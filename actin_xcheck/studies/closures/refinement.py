@@ -5,7 +5,6 @@ so that the coarser run's times are the finer one's too.  Steps are equal: no st
 a rim that is lost.
 """
 
-import shlex
 import tomllib
 from dataclasses import dataclass
 from math import ceil, log2
@@ -17,6 +16,7 @@ import tomli_w
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import find_method
@@ -86,9 +86,15 @@ class Course:
     @property
     def command(self) -> str:
         """The command that makes the run again, in the report's folder."""
-        words = ["run", self.file, "--method", self.method, "--refine", str(self.refine)]
-        words += ["--dt", repr(self.dt), "--fidelity", str(Fidelity.FULL), "--out", f"{self.key}.vtkhdf"]
-        return "python -m actin_xcheck " + shlex.join(words)
+        return command(
+            "run",
+            self.file,
+            method=self.method,
+            refine=self.refine,
+            dt=self.dt,
+            fidelity=Fidelity.FULL,
+            out=f"{self.key}.vtkhdf",
+        )
 
 
 @dataclass(frozen=True, eq=False)

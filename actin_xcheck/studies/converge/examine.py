@@ -1,6 +1,5 @@
 """Convergence studies at work: run their levels, read the orders off, write what was found."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from actin_xcheck.runs.commands import command as command_of
 from actin_xcheck.runs.store import Run, provenance, read_run
 from actin_xcheck.runs.workers import Report
 from actin_xcheck.studies.compare import is_done, run_all
@@ -44,7 +44,6 @@ def result_of(study: Study, folder: Path) -> Result:
     widths = (h if study.refined is Refined.H else dt).tolist()
     claimed = None if study.no_claim else study.declared
     observed = observe(widths, errors, claimed, study.at_least, study.floor)
-    words = ["converge", study.origin, "--method", study.method.name]
     return Result(
         study.key,
         study.scene.name,
@@ -64,7 +63,7 @@ def result_of(study: Study, folder: Path) -> Result:
         np.abs(errors),
         tuple(endings),
         replace(observed, reason=study.no_claim or observed.reason),
-        "python -m actin_xcheck " + shlex.join(words),
+        command_of("converge", study.origin, method=study.method.name),
         tuple(file.relative_to(folder).as_posix() for file in files),
     )
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+import numpy as np
 import tomli_w
 
 from actin_xcheck.core.files import replace_file
@@ -159,7 +160,11 @@ def final(scene: Scene, folder: Path) -> Scene:
     if reference:
         last = max(reference["at"], key=lambda at: at["time"])
         reference["at"] = [last]
-        reference["bound"] = {name: bound for name, bound in reference["bound"].items() if name in last}
+        reference["bound"] = {
+            name: bound
+            for name, bound in reference["bound"].items()
+            if np.isfinite(last.get(name, np.nan)).any()
+        }
         if scene.expect.growth_rate is None:
             table["time"]["end"] = last["time"]
     table["time"].pop("outputs", None)

@@ -1,6 +1,5 @@
 """What is run: scenes and methods on distorted meshes, step by step worse, each on two mesh widths."""
 
-import shlex
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +7,8 @@ from dataclasses import dataclass
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Delta
-from actin_xcheck.runs.method import METHODS, Method
+from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.scene.distortion import flattened, off_ring, perturbed, stretched, without_layers
 from actin_xcheck.scene.scene import Scene
 
@@ -129,7 +129,7 @@ class Case:
     @property
     def seconds(self) -> float:
         """About what it takes."""
-        method = METHODS[self.method]
+        method = find_method(self.method)
         stages = 1 + 2.5 * (method.order_dt - 1)
         per_step = 4.0**self.refine * stages * method.space**2 * (1 if method.family == "fem" else 2)
         return 2e-5 * self.steps * per_step
@@ -142,9 +142,8 @@ class Case:
 
     def command(self, scene: Scene) -> str:
         """The command that makes the run again, in the report's folder."""
-        words = ["run", scene.origin, "--method", self.method, "--dt", repr(scene.time.end / self.steps)]
-        words += ["--mesh", self.mesh_file, "--out", "run.vtkhdf"]
-        return "python -m actin_xcheck " + shlex.join(words)
+        dt = scene.time.end / self.steps
+        return command("run", scene.origin, method=self.method, dt=dt, mesh=self.mesh_file, out="run.vtkhdf")
 
 
 def families_of(scene: Scene) -> tuple[Family, ...]:

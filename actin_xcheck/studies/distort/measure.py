@@ -11,7 +11,7 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.runs.accuracy import Level
 from actin_xcheck.runs.march import Tolerance, integrate
-from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.distortion import aspects, largest_angle
 from actin_xcheck.scene.outline import write_mesh
@@ -90,7 +90,7 @@ class _Watch:
 
 def answer_of(case: Case, folder: Path) -> Answer:
     """Run a case in equal steps, and leave its mesh, which the case's command names."""
-    scene, method = parse_scene(case.scene, "a scene"), METHODS[case.method]
+    scene, method = parse_scene(case.scene, "a scene"), find_method(case.method)
     mesh, file = case.mesh(scene.parameters.l0), folder / case.mesh_file
     file.parent.mkdir(parents=True, exist_ok=True)
     write_mesh(file, mesh)
@@ -99,7 +99,7 @@ def answer_of(case: Case, folder: Path) -> Answer:
 
 def converged(asked: Converged, folder: Path) -> Answer:
     """Run a scene with steps chosen by their error."""
-    scene, method = parse_scene(asked.scene, "a scene"), METHODS[asked.method]
+    scene, method = parse_scene(asked.scene, "a scene"), find_method(asked.method)
     solver = solver_for(resolve(scene), method, mesh_of(scene, asked.refine))
     return _answer(scene, solver, scene.time.end, Tolerance(asked.rtol, method.order_dt))
 

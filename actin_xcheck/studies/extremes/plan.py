@@ -1,8 +1,8 @@
 """What is run: scenes, methods and levels."""
 
-import shlex
 from dataclasses import dataclass
 
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.scene.scene import Scene, load_scene
 
@@ -48,11 +48,8 @@ class Trial:
 
     @property
     def command(self) -> str:
-        """What makes the run alone."""
-        level = self.level
-        words = ["run", self.scene, "--method", level.method, "--refine", str(level.refine)]
-        words += ["--rtol", f"{level.rtol:g}", *(["--remesh"] if self.remesh else []), "--out", "run.vtkhdf"]
-        return "python -m actin_xcheck " + shlex.join(words)
+        """What makes its numbers again; `run` tells neither the breakdown nor how twins part."""
+        return command("extremes", only=self.scene)
 
 
 def _ladder(method: str, rtol: float, *refines: int) -> tuple[Level, ...]:

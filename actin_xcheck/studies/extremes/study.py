@@ -6,6 +6,7 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.runs.commands import command
 from actin_xcheck.studies.extremes.attempt import Attempt, attempt
 from actin_xcheck.studies.extremes.breakdown import Breakdown, agreement, breakdowns
 from actin_xcheck.studies.extremes.plan import Trial
@@ -72,7 +73,7 @@ def _claim(found: Sequence[Breakdown], scene: str, apart: float, allowed: float)
         statement="the methods agree on when 1 + div u reaches zero (largest relative difference)",
         value=apart,
         bound=allowed,
-        command=f"python -m actin_xcheck extremes --only {scene}",
+        command=command("extremes", only=scene),
         path="/tables/breakdowns",
         note="bound: the sum of their uncertainties",
     )

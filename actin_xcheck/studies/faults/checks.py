@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from actin_xcheck.core.claim import Claim
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.run import run
@@ -78,7 +79,7 @@ class Compared:
         scene = load_scene(self.scene)
         methods = [find_method(name) for name in self.methods]
         jobs = jobs_of([scene], methods, folder, self.refine, scene.time.end / self.steps, self.rtol)
-        return compare(jobs, folder, self.name)
+        return compare(jobs, folder, again(self))
 
 
 FREE_CELL = "free-cell"
@@ -142,10 +143,15 @@ class Studied:
             for study in studies_of(place, [find_method(self.method)], folder)
             if study.refined is self.refined and study.quantity in self.quantities
         ]
-        return [_order(result) for result in examine(studies, folder, self.name, QUIET)]
+        return [_order(result, again(self)) for result in examine(studies, folder, again(self), QUIET)]
 
 
-def _order(result: Result) -> Claim:
+def again(check: Check) -> str:
+    """What makes a check again where no command has its levels or smaller models: a night of it alone."""
+    return command("nightly", only=check.name)
+
+
+def _order(result: Result, made: str) -> Claim:
     """A study's verdict as a claim: how far the last two local orders are from the declared one."""
     found = result.observed
     judged = found.verdict in (Verdict.PASS, Verdict.FAIL)
@@ -156,7 +162,7 @@ def _order(result: Result) -> Claim:
         f"the order in {result.refined} of {result.quantity} is {result.declared:g}: {found.reason}",
         float((np.maximum(off, 0) if result.at_least else np.abs(off)).max()),
         TOLERANCE if judged else np.nan,
-        result.command,
+        made,
         f"/studies/{result.key}",
         f"value: the larger distance of the last two local orders, against {result.truth}",
     )
@@ -204,7 +210,7 @@ class Reduced:
     def _run(self, scene: Scene, folder: Path, reduction: Reduction) -> Run:
         path = folder / f"{reduction.fidelity}.vtkhdf"
         dt, method = scene.time.end / self.steps, find_method(self.method)
-        run(scene, method, self.refine, dt, path, self.name, rtol=self.rtol, reduction=reduction)
+        run(scene, method, self.refine, dt, path, again(self), rtol=self.rtol, reduction=reduction)
         return read_run(path)
 
 
@@ -240,7 +246,7 @@ class Tolerated:
         runs = []
         for rtol in (self.rtol, self.rtol / self.smaller):
             path = folder / f"{rtol:g}.vtkhdf"
-            run(scene, method, self.refine, scene.time.end, path, self.name, rtol=rtol)
+            run(scene, method, self.refine, scene.time.end, path, again(self), rtol=rtol)
             runs.append(read_run(path))
         return [*judge(scene, {self.method: runs[0]}), keeps_tolerance(scene, self.method, *runs)]
 

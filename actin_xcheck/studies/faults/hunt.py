@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from actin_xcheck.core.claim import Claim
+from actin_xcheck.runs.commands import command
 from actin_xcheck.studies.faults.checks import SUITE, Check
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, watched
 from actin_xcheck.studies.study import Report, Study, Table, Task
@@ -210,7 +211,7 @@ def control(caught: Caught) -> Claim:
         value = claim.bound / claim.value
         if not math.isfinite(claim.value):
             value, said = 1.0, "1, the worst of those that are caught: the claim that failed has no number"
-        failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.value:.3g} > {claim.bound:.3g}"
+        failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.excess}"
         note = f"caught by {caught.check} ({failed})"
     elif not note:
         note = f"{len(caught.passed)} checks stayed green"
@@ -220,7 +221,7 @@ def control(caught: Caught) -> Claim:
         statement=f"is caught: {caught.sentence}",
         value=value,
         bound=1.0,
-        command=f"python -m actin_xcheck faults --only {caught.name}",
+        command=command("faults", only=caught.name),
         path=f"/faults/{caught.name}",
         note=f"{note}; value: {said}",
     )
@@ -235,7 +236,7 @@ def _green(clean: Clean) -> Claim:
         statement=f"{clean.name}: all of its {clean.judged} claims hold",
         value=float(len(clean.red)),
         bound=0.0,
-        command="python -m actin_xcheck faults",
+        command=command("faults"),
         path="/tables/checks",
         note=said,
     )

@@ -18,6 +18,7 @@ from actin_xcheck.studies.frontier.theory import (
     explicit_limit,
     growth_error,
     growth_time,
+    is_known,
     largest_accurate_step,
     leading_rate,
     pair_of,
@@ -64,7 +65,7 @@ def theory_chapter(scene: Scene, methods: Sequence[Method]) -> Chapter:
     dt = end / 2.0 ** np.arange(10, -1, -0.5)
     rate = leading_rate(model, k2)
     exhibits: list[Plot | Sheet] = []
-    pairs, across = {method.name: pair_of(method) for method in methods}, np.log10(dt)
+    pairs, across = {one.name: pair_of(one) for one in methods if is_known(one)}, np.log10(dt)
     if rate.real > 0:
         lines = [
             Line(name, across, np.array([computed_rate(pair, model, k2, one) for one in dt]))
@@ -94,13 +95,19 @@ def theory_chapter(scene: Scene, methods: Sequence[Method]) -> Chapter:
 
 
 def _psi_dt(scene: Scene, method: Method, axis: Axis) -> list[Line]:
-    psi, pair = _along(axis), pair_of(method)
+    psi = _along(axis)
     models = [model_at(scene, one, scene.parameters.p) for one in psi]
     ends = np.array([end_at(scene, one) for one in psi])
-    accurate = [largest_accurate_step(pair, *each, BOUND) for each in zip(models, ends, strict=True)]
-    return [
+    lines = [
         Line(ONE_STEP, psi, ends),
         Line(GROWTH, psi, np.array([growth_time(model) for model in models])),
+    ]
+    if not is_known(method):
+        return lines
+    pair = pair_of(method)
+    accurate = [largest_accurate_step(pair, *each, BOUND) for each in zip(models, ends, strict=True)]
+    return [
+        *lines,
         Line(AMPLITUDE, psi, np.array(accurate)),
         Line(EXPLICIT, psi, np.array([explicit_limit(pair, model) for model in models])),
     ]
@@ -108,14 +115,14 @@ def _psi_dt(scene: Scene, method: Method, axis: Axis) -> list[Line]:
 
 def _dt_h(scene: Scene, method: Method, plane: Plane) -> list[Line]:
     model = model_at(scene, scene.parameters.psi, scene.parameters.p)
-    pair, end = pair_of(method), scene.time.end
-    low, high = plane.y.values[0], plane.y.values[-1]
-    upright = {
-        ONE_STEP: end,
-        GROWTH: growth_time(model),
-        AMPLITUDE: largest_accurate_step(pair, model, end, BOUND),
-        EXPLICIT: explicit_limit(pair, model),
-    }
+    end, low, high = scene.time.end, plane.y.values[0], plane.y.values[-1]
+    upright = {ONE_STEP: end, GROWTH: growth_time(model)}
+    if is_known(method):
+        pair = pair_of(method)
+        upright |= {
+            AMPLITUDE: largest_accurate_step(pair, model, end, BOUND),
+            EXPLICIT: explicit_limit(pair, model),
+        }
     lines = [Line(name, np.array([at, at]), np.array([low, high])) for name, at in upright.items()]
     across = np.array([plane.x.values[0], plane.x.values[-1]])
     return [*lines, Line(RESOLVED, across, np.full(2, resolvable_h(model, method.space)))]
@@ -152,7 +159,7 @@ def _sheet(scene: Scene, methods: Sequence[Method]) -> Sheet:
     for psi in sorted({10.0, 100.0, scene.parameters.psi, 1e3, 1e4}):
         model, end = model_at(scene, psi, scene.parameters.p), end_at(scene, psi)
         rate = leading_rate(model, wavenumber(*FASTEST) ** 2)
-        for method in methods:
+        for method in filter(is_known, methods):
             pair, h = pair_of(method), resolvable_h(model, method.space)
             first = (
                 f"{psi:g}", f"{end:.3g}", f"{rate.real:.4g}", f"{growth_time(model):.3g}",

@@ -14,6 +14,7 @@ import tomli_w
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory import sigma_prime
@@ -124,9 +125,14 @@ class Point:
     @property
     def command(self) -> str:
         """What makes the run again, from the folder of the report."""
-        return (
-            f"python -m actin_xcheck run {self.file} --method {self.method} "
-            f"--refine {self.refine} --dt {self.dt!r} --fidelity full --out point.vtkhdf"
+        return command(
+            "run",
+            self.file,
+            method=self.method,
+            refine=self.refine,
+            dt=self.dt,
+            fidelity="full",
+            out="point.vtkhdf",
         )
 
 

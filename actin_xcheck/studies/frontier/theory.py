@@ -44,8 +44,13 @@ class Pair:
     b_implicit: Array
 
 
+def is_known(method: Method) -> bool:
+    """Whether the scheme is one of ours: of another package's steps theory knows nothing."""
+    return method.family in ("fem", "fv")
+
+
 def pair_of(method: Method) -> Pair | None:
-    """The pair that a method takes steps with; None for the first-order scheme (B.23)."""
+    """The pair that one of our methods takes steps with; None for the first-order scheme (B.23)."""
     options = dict(method.options)
     if "time" in options:
         tableaux: Any = load("fem.tableaux:TABLEAUX")

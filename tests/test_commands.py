@@ -1,0 +1,175 @@
+"""A number is made again by the command that is printed beside it, whatever report it stands in."""
+
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from actin_xcheck.cli.app import app
+from actin_xcheck.core.model import Closure
+from actin_xcheck.nightly.plan import suite
+from actin_xcheck.nightly.record import read_night
+from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_comparison, read_run
+from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies import compare as comparison
+from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT
+from actin_xcheck.studies.audit.record import read_audit
+from actin_xcheck.studies.closures.refinement import Course, follow
+from actin_xcheck.studies.converge.record import FILE_NAME as STUDIES
+from actin_xcheck.studies.converge.record import read_convergence
+from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
+from actin_xcheck.studies.distort.measure import answer_of
+from actin_xcheck.studies.extremes.plan import trials
+from actin_xcheck.studies.faults.checks import SUITE, Reduced, Studied, Tolerated
+from actin_xcheck.verdicts.judge import judge
+from tests.lab import FEM, FV
+
+P1, P2, FV_2 = "fem-p1-imex2", "fem-p2-imex3", "fv-order2"
+
+
+def typed(line, *more):
+    """Do what a printed command says, in this process; a claim that fails is no reason to complain."""
+    words = shlex.split(line)
+    assert words[:3] == ["python", "-m", "actin_xcheck"]
+    with in_turn():
+        done = CliRunner().invoke(app, [*words[3:], *more])
+    assert done.exit_code in (0, 1), done.output
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+
+
+def test_what_is_given_is_written_to_the_last_bit_and_what_is_not_is_left_out():
+    given = {"method": (FEM, FV), "dt": np.float64(0.1), "rtol": None, "mesh": np.nan, "remesh": True}
+    assert command("run", "a b.toml", **given, force=False) == (
+        f"python -m actin_xcheck run 'a b.toml' --method {FEM} --method {FV} --dt 0.1 --remesh"
+    )
+
+
+CASES = {
+    "a claim of each kind but two": (["growing-disk"], [FEM, FV], 2, 0.1, None),
+    "growth": (["mode-11-wall"], [FEM, FV], 2, None, None),
+    "references, steps chosen": (["fig14-four-fronts"], [P1, FV_2], 2, 0.03, 1e-3),
+    "steps chosen by one of two": (["growing-disk"], [P2, FV], 2, 0.1, 1e-3),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scenes, methods, refine, dt, rtol = CASES[case]
+    loaded = [load_scene(name) for name in scenes]
+    (tmp_path / "c").mkdir()
+    jobs = comparison.jobs_of(loaded, [METHODS[one] for one in methods], tmp_path / "c", refine, dt, rtol)
+    with in_turn():
+        claims = comparison.compare(jobs, tmp_path / "c", "")
+    found = {}
+    for number, line in enumerate(dict.fromkeys(claim.command for claim in claims)):
+        typed(line, "--out", str(number), "--quiet")
+        found[line] = read_comparison(tmp_path / str(number) / "comparison.h5").claims
+    for claim in claims:
+        (again,) = (
+            one
+            for one in found[claim.command]
+            if (one.methods, one.statement) == (claim.methods, claim.statement)
+        )
+        assert np.array_equal([again.value, again.bound], [claim.value, claim.bound], equal_nan=True)
+    for file in (tmp_path / "c").glob("*.vtkhdf"):
+        kept = read_run(file)
+        typed(kept.attributes["command"], "--quiet")
+        series = read_run(tmp_path / file.name).series
+        assert all(np.array_equal(series[name], kept.series[name], equal_nan=True) for name in kept.series)
+
+
+def test_the_bound_of_a_run_that_chose_its_steps_is_made_of_those_it_took(tmp_path):
+    """Of the largest it might have taken the bound would be 0.3, and 4 % too much would pass."""
+    scene, path = load_scene("fig14-four-fronts"), tmp_path / "t.vtkhdf"
+    run(scene, METHODS[P1], 3, scene.time.end, path, rtol=1e-5)
+    kept = read_run(path)
+    taken = np.diff(kept.series["time"]).max()
+    assert taken < 0.1 * kept.attributes["dt"]
+    (area,) = (claim for claim in judge(scene, {P1: kept}) if claim.statement.startswith("area"))
+    assert area.bound == pytest.approx(1.2 / 64 + 4.5 * taken)
+    assert f"dt = {taken:g}, the largest step chosen by the tolerance 1e-05" in area.note
+    assert "--rtol 1e-05" in area.command
+
+
+def test_what_no_other_command_makes_is_a_check_of_a_night():
+    names = {item.name for item in suite().checks}
+    for check in SUITE:
+        assert check.name in names
+        assert not set("*?[") & set(check.name)  # --only takes patterns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "check",
+    [
+        next(one for one in SUITE if isinstance(one, Reduced) and one.method == FEM),
+        next(one for one in SUITE if isinstance(one, Studied) and one.method == P1),
+        next(one for one in SUITE if isinstance(one, Tolerated) and one.method == P2),
+    ],
+    ids=lambda check: check.name,
+)
+def test_claims_of_the_checks_are_made_again_by_their_commands(check, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "c").mkdir()
+    with in_turn():
+        claims = check.claims(tmp_path / "c")
+    for number, line in enumerate(dict.fromkeys(claim.command for claim in claims)):
+        wanted = [(one.value, one.bound) for one in claims if one.command == line]
+        typed(line, "--out", str(number), "--quiet")
+        if shlex.split(line)[3] == "compare":
+            made = read_comparison(tmp_path / str(number) / "comparison.h5").claims
+        else:
+            made = next(read_night(path.parent) for path in tmp_path.rglob("night.jsonl")).claims
+        assert set(wanted) <= {(one.value, one.bound) for one in made}
+
+
+@pytest.mark.slow
+def test_an_order_is_made_again_by_its_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    typed(command("converge", "static-decay", method=P1, out="one"), "--quiet")
+    for result in read_convergence(tmp_path / "one" / STUDIES).results:
+        typed(result.command, "--out", result.refined, "--quiet")
+        made = {one.key: one for one in read_convergence(tmp_path / result.refined / STUDIES).results}
+        assert np.array_equal(made[result.key].errors, result.errors)
+
+
+def test_a_row_of_the_audit_is_made_again_by_its_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    typed(command("paper", only="fig20a", out="one"), "--quiet")
+    (entry,) = read_audit(tmp_path / "one" / AUDIT).entries
+    typed(entry.command, "--out", "two", "--quiet")
+    assert read_audit(tmp_path / "two" / AUDIT).entries == (entry,)
+
+
+def test_a_run_on_a_distorted_mesh_is_made_again_by_its_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = load_scene("static-decay")
+    case, _ = cases_of(scene, METHODS[P1], FAMILIES["perturbed"], 0.3)
+    answer = answer_of(case, tmp_path)
+    typed(case.command(scene), "--quiet")
+    made = read_run(tmp_path / "run.vtkhdf").series
+    assert made["area"][-1] == pytest.approx(answer.area, rel=1e-14)
+    assert made["probe_a"][-1] == pytest.approx(answer.a[: len(scene.probes.points)], rel=1e-12)
+    assert len(made["time"]) == answer.steps + 1
+
+
+def test_a_rim_is_made_again_by_its_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    course = Course("rough-swelling", FEM, Closure.CURRENT_NORMAL, 0)
+    rim = follow(course, tmp_path)
+    typed(course.command, "--quiet")
+    made = read_run(tmp_path / f"{course.key}.vtkhdf")
+    assert np.array_equal(made.series["time"], rim.times)
+    gaps = np.abs(made.points[-1][:, None] - rim.rims[-1][:, :, None]).max(axis=0)
+    assert gaps.min(axis=1).max() < 1e-13  # every node of the rim is one of the run's
+
+
+def test_breakdowns_and_twins_are_made_again_by_extremes_itself():
+    """`run` tells neither: minutes, so that the words alone are looked at."""
+    assert {one.command for one in trials()} == {command("extremes", only=one.scene) for one in trials()}

@@ -1,0 +1,161 @@
+"""What claims say of runs, and how much it says that they hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+
+from actin_xcheck.cli.compare import compare_command
+from actin_xcheck.core.claim import Claim
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.converge.studies import final
+from actin_xcheck.verdicts.judge import judge, reference_errors
+from actin_xcheck.verdicts.known import known
+from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
+from actin_xcheck.verdicts.triangulate import Levels, triangulate
+from tests.lab import FEM, FV
+from tests.test_report import Tags
+
+SCENE = """
+name = "still"
+[parameters]
+psi = 0
+p = 0
+[initial]
+a = "1"
+[time]
+end = 0.1
+outputs = [0.05, 0.1]
+[probes]
+points = [[0, 0], [0.5, 0]]
+[expect.reference]
+origin = "by hand"
+bound = {{ area = {{ h2 = 1, dt = 1 }}, probe_a = {{ h2 = 1, dt = 1 }} }}
+[[expect.reference.at]]
+time = 0.05
+area = 3.14159
+probe_a = [nan, nan]
+[[expect.reference.at]]
+time = 0.1
+area = 3.14159
+probe_a = {}
+"""
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory):
+    """A run of a cell at rest, which is 1 everywhere."""
+    path = tmp_path_factory.mktemp("still") / "still.vtkhdf"
+    run(parse_scene(SCENE.format("[1.0, 1.0]"), "still.toml"), METHODS[FEM], 2, 0.01, path)
+    return read_run(path)
+
+
+def of_probes(text, run):
+    claims = judge(parse_scene(SCENE.format(text), "still.toml"), {FEM: run})
+    assert {one.verdict for one in claims if "probes" not in one.statement} == {"PASS"}
+    return [one for one in claims if "probes" in one.statement]
+
+
+def test_what_is_judged_is_judged_where_other_probes_and_times_are_not(still):
+    """At the first of the two times none is."""
+    (holds,) = of_probes("[nan, 1.0]", still)
+    assert (holds.verdict, holds.value) == ("PASS", pytest.approx(0, abs=1e-12))
+    (fails,) = of_probes("[1.0, 1.5]", still)
+    assert (fails.verdict, fails.value) == ("FAIL", pytest.approx(0.5))
+
+
+def test_a_run_that_has_no_number_where_the_reference_has_one_fails(still):
+    """Before, what was nan in the run was left out like what is nan in the reference."""
+    gone = still.series["probe_a"].copy()
+    gone[-1, 0] = np.nan
+    (claim,) = of_probes("[1.0, 1.0]", replace(still, series={**still.series, "probe_a": gone}))
+    assert np.isnan(claim.value)
+    assert (claim.verdict, claim.excess) == ("FAIL", "there is no number")
+
+
+def test_a_run_is_not_missed_at_a_time_where_nothing_is_judged(still):
+    """Nothing has to be reached for it, and a study of the last time alone has no bound for it."""
+    text = SCENE.format("[nan, 1.0]").replace("[nan, nan]", "[1.0, nan]").replace("[nan, 1.0]", "[nan, nan]")
+    scene = parse_scene(text, "still.toml")
+    early = replace(still, series={name: values[:6] for name, values in still.series.items()})
+    assert early.series["time"][-1] == 0.05
+    errors = reference_errors(scene, early)
+    assert errors["probe_a"] == pytest.approx(0, abs=1e-12)
+    assert np.isnan(errors["area"])
+
+
+def test_a_study_of_the_last_time_has_no_bound_for_what_is_not_judged_then(tmp_path):
+    text = SCENE.format("[nan, nan]").replace("probe_a = [nan, nan]", "probe_a = [1.0, nan]", 1)
+    scene = final(parse_scene(text, "still.toml"), tmp_path)
+    assert scene.expect.reference.bound.probe_a is None
+    assert scene.expect.reference.bound.area is not None
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(0.25, "0.25 > 0.1"), (np.inf, "inf > 0.1"), (np.nan, "there is no number")]
+)
+def test_why_a_claim_fails(value, said):
+    claim = Claim("scene", (FEM,), "holds", value, 0.1, "command", "/runs")
+    assert (claim.verdict, claim.excess) == ("FAIL", said)
+
+
+def test_where_there_is_nothing_to_compare_that_is_what_is_said(still):
+    """Both ended before the first output time."""
+    early = replace(still, series={name: values[:2] for name, values in still.series.items()})
+    levels = [Levels(METHODS[name], (early,)) for name in (FEM, FV)]
+    (found,) = triangulate(parse_scene(SCENE.format("[1.0, 1.0]"), "still.toml"), levels)
+    claim = found.claim("")
+    assert (claim.verdict, claim.excess) == ("FAIL", "there is no number")
+    assert claim.note == "value: none, for there is nothing to compare"
+
+
+@pytest.mark.parametrize(
+    ("area", "unit"), [("3.14", 1e-2), ("3.1400", 1e-4), ("3", 1), ("3.14159265358979", 1e-9)]
+)
+def test_a_reference_is_known_to_the_digits_it_is_printed_with(area, unit):
+    scene = parse_scene(SCENE.format("[1.0, nan]").replace("3.14159", area), "still.toml")
+    assert known(scene, "area", 0.1).uncertainty == unit
+    assert known(scene, "probe_a", 0.1).uncertainty == 0.1
+
+
+# how much it says that all claims hold
+
+
+def compared(folder, capsys, *words, **options):
+    with in_turn(), pytest.raises(typer.Exit) as ended:
+        compare_command(list(words), out_dir=folder, quiet=True, **options)
+    assert ended.value.exit_code == 0
+    return capsys.readouterr().out, Tags(folder / "index.html")
+
+
+def test_a_run_that_is_far_off_is_no_success_though_all_its_claims_hold(tmp_path, capsys):
+    said, page = compared(tmp_path, capsys, "fig14-four-fronts", method=[FEM], refine=2, dt=0.01)
+    found = read_known_to(tmp_path / "comparison.h5")["fig14-four-fronts"]
+    area = read_run(tmp_path / f"fig14-four-fronts--{FEM}.vtkhdf").series["area"][-1]
+    assert found["area"] == pytest.approx(abs(area - 3.6451677458) / area, rel=1e-6)
+    assert found["area"] > 0.05
+    words = f"fig14-four-fronts: area known to {100 * found['area']:.2g} %, total actin known to 2.9 %"
+    assert f"{words}\n6 of 6 claims hold" in said
+    assert words in " ".join(page.text.split())
+    assert page.attributes("h1", "class") == ["unsure"]
+
+
+def test_two_codes_that_know_it_well_are_one(tmp_path, capsys):
+    said, page = compared(tmp_path, capsys, "static-decay", refine=4, dt=0.05)
+    found = read_known_to(tmp_path / "comparison.h5")["static-decay"]
+    assert is_well(found)
+    assert in_words(found) in said
+    assert page.attributes("h1", "class") == ["pass"]
+
+
+def test_one_code_without_theory_knows_nothing(tmp_path, capsys):
+    said, page = compared(tmp_path, capsys, "smooth-fronts", method=[FEM], refine=2, dt=0.02)
+    assert "smooth-fronts: area not known, total actin not known\n" in said
+    assert page.attributes("h1", "class") == ["unsure"]
+    assert write_report(tmp_path) == tmp_path / "index.html"  # again, from the files alone
