@@ -8,18 +8,16 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import database
 from actin_xcheck.studies.frontier.answers import Answer, Truth
 from actin_xcheck.studies.frontier.planes import Point
 
 FILE_NAME = "points.sqlite"
-
-_TIMEOUT = 60.0
-"""Seconds to wait for another report that writes into the same folder."""
 
 
 class Journal:
@@ -68,8 +66,8 @@ class Journal:
     def _open(self) -> Iterator[sqlite3.Connection]:
         """A connection of this moment: two reports in one folder share the file, and nothing else."""
         try:
-            with closing(sqlite3.connect(self.path, timeout=_TIMEOUT)) as connection, connection:
-                yield connection
+            with database(self.path, "rwc") as rows:
+                yield rows
         except sqlite3.Error as error:
             raise UserError(f"{self.path}: not a journal of runs that can be written ({error})") from error
 
