@@ -5,16 +5,16 @@ that fails is a result like any other, and says so in its `outcome`.  `cross_che
 processes: a script calls them under `if __name__ == "__main__":`.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from actin_xcheck.cli.options import make_folder, report_folder
+from actin_xcheck.cli.options import make_folder, report_folder, report_in
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report import write_report
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
+from actin_xcheck.runs.executor import jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
@@ -105,14 +105,14 @@ def cross_check(
     wanted = [scenes] if isinstance(scenes, str | Path) else scenes
     chosen = [find_method(name) for name in methods]
     folder = report_folder(None if out is None else Path(out), "compare")
-    if (folder / "comparison.h5").exists():
+    file = folder / comparison.FILE_NAME
+    if file.exists():
         raise UserError(f"out: {folder} holds a comparison already; valid: another folder")
-    jobs = comparison.jobs_of(
-        [load_scene(one) for one in wanted], chosen, make_folder(folder), refine, dt, rtol
-    )
-    comparison.compare(jobs, folder, "actin_xcheck.cross_check")
-    write_report(folder)
-    return read_comparison(folder / "comparison.h5")
+    jobs = comparison.jobs_of([load_scene(one) for one in wanted], chosen, folder, refine, dt, rtol)
+    with report_in(folder, file.name, "a comparison", force=False):
+        comparison.compare(jobs, folder, "actin_xcheck.cross_check")
+        write_report(folder)
+    return read_comparison(file)
 
 
 def sweep(
@@ -142,10 +142,11 @@ def sweep(
     -------
     The table: `table["parameters.psi"]`, `table["outcome"]`, `table["area"]` are arrays with an entry a run.
     """
+    processes = jobs_asked(jobs, scheduler)
     names = [methods] if isinstance(methods, str) else list(methods)
     numerics = Numerics(names[0], refine, dt, rtol, _fidelity(fidelity))
     planned = plan(Path(file), names, numerics, make_folder(Path(out)), "actin_xcheck.sweep")
-    table, _ = carry_out(planned, jobs or os.cpu_count() or 1, scheduler, lambda label, done, total: None)
+    table, _ = carry_out(planned, processes, scheduler, lambda label, done, total: None)
     return table
 
 

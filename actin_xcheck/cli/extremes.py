@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import Force, Quiet, command, report_folder, report_in
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
@@ -13,6 +13,7 @@ from actin_xcheck.report import write_extremes_page
 from actin_xcheck.studies.extremes.breakdown import agreement
 from actin_xcheck.studies.extremes.examine import examine
 from actin_xcheck.studies.extremes.plan import tasks
+from actin_xcheck.studies.extremes.record import FILE_NAME
 
 
 def extremes_command(
@@ -20,7 +21,8 @@ def extremes_command(
         list[str] | None, typer.Option(help="A scene of the study; may be given more than once.")
     ] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    force: Force = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Run the article's strongest contractions and Section 6 in both rheologies, and say how they end.
@@ -36,9 +38,11 @@ def extremes_command(
         if name not in known:
             raise UserError(f"--only: {name!r} is not in the study; valid: {', '.join(known)}")
     chosen = [task for task in every if not only or task.scene in only]
-    folder = make_folder(report_folder(out_dir, "extremes"))
-    with Progress(quiet) as progress:
-        _, found = examine(chosen, folder, command(), progress.report)
+    folder = report_folder(out_dir, "extremes")
+    with report_in(folder, FILE_NAME, "a study of extremes", force):
+        with Progress(quiet) as progress:
+            _, found = examine(chosen, folder, command(), progress.report)
+        page = write_extremes_page(folder)
     findings = [
         f"{one.scene}, {one.method}: 1 + div u = 0 at t = {one.value:.6g} +- {one.uncertainty:.1g}"
         for one in found
@@ -47,5 +51,4 @@ def extremes_command(
         f"{scene}: methods differ by {apart:.1e}, their uncertainties allow {allowed:.1e}"
         for scene, (apart, allowed) in agreement(found).items()
     ]
-    page = write_extremes_page(folder)
     conclude(ReportAnswer(command="extremes", page=str(page), findings=tuple(findings)), "", json)

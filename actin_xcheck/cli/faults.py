@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import Force, Quiet, command, report_folder, report_in
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.report import write_faults_page
@@ -19,7 +19,8 @@ def faults_command(
         list[str] | None, typer.Option(help="The name of a fault; may be given more than once.")
     ] = None,
     out_dir: Annotated[Path | None, typer.Option("--out", help="Folder for the results.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    force: Force = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Switch deliberate faults on one by one and see that the harness turns red for each.
@@ -29,11 +30,12 @@ def faults_command(
     every fault is caught, 1 when not, 2 for a mistake in what was asked.
     """
     faults = find_faults(only)
-    folder = make_folder(report_folder(out_dir, "faults"))
-    with Progress(quiet) as progress:
-        found = hunt(faults, progress.report)
-    write_hunt(folder / FILE_NAME, found, command())
-    page = write_faults_page(folder)
+    folder = report_folder(out_dir, "faults")
+    with report_in(folder, FILE_NAME, "a hunt for faults", force):
+        with Progress(quiet) as progress:
+            found = hunt(faults, progress.report)
+        write_hunt(folder / FILE_NAME, found, command())
+        page = write_faults_page(folder)
     said = [
         f"FAIL without a fault: {clean.check.name}: {claim.statement}: "
         f"{claim.value:.3g} > {claim.bound:.3g} ({claim.note})"

@@ -3,13 +3,18 @@
 import math
 import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import locked
 from actin_xcheck.core.model import CAVEATS
 from actin_xcheck.scene.scene import Scene
 
@@ -22,6 +27,9 @@ Rtol = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
+
+_WHOLE = 10_000
+"""Characters of the longest line that a table may have where nobody looks at it."""
 
 
 def report_folder(out_dir: Path | None, kind: str) -> Path:
@@ -36,6 +44,27 @@ def make_folder(folder: Path) -> Path:
     except OSError as error:
         raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
     return folder
+
+
+@contextmanager
+def report_in(folder: Path, file_name: str, what: str, force: bool) -> Iterator[None]:
+    """Make the folder of a report that is kept in `file_name`, and have it to oneself.
+
+    A page must never stand beside files that it is not made of: what `force` overwrites is gone first.
+    UserError where `what` is there already, or another process is at work there.
+    """
+    file = make_folder(folder) / file_name
+    with locked(file):
+        if file.exists() and not force:
+            raise UserError(f"--out: {folder} holds {what} already; valid: another folder, or --force")
+        for stale in (file_name, "index.html"):
+            (folder / stale).unlink(missing_ok=True)
+        yield
+
+
+def print_table(table: Table) -> None:
+    """Print a table as wide as a terminal, and in whole lines where there is none."""
+    Console(highlight=False, width=None if sys.stdout.isatty() else _WHOLE).print(table)
 
 
 def command() -> str:

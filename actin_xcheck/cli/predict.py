@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import command, print_table, report_folder, report_in
 from actin_xcheck.cli.output import ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
@@ -24,7 +23,6 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Exact growth rates and thresholds of the disk, delta constant; a report of all linear theory.",
 )
-out = Console(soft_wrap=True, highlight=False)
 
 _DEFAULT = Parameters(psi=0.0, p=0.0)
 Psi = Annotated[float, typer.Option(help="Contractile tonicity, non-dimensional.")]
@@ -77,7 +75,7 @@ def modes_command(
     table = Table("m", "Re lambda", "Im lambda", box=None)
     for mode in found:
         table.add_row(str(mode["m"]), f"{mode['re']:.10g}", f"{mode['im']:.10g}")
-    out.print(table)
+    print_table(table)
 
 
 @app.command("threshold")
@@ -106,7 +104,7 @@ def threshold_command(
     for one in found:
         numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
         table.add_row(str(one.m), *numbers, one.reason)
-    out.print(table)
+    print_table(table)
 
 
 @app.command("report")
@@ -118,15 +116,11 @@ def report_command(
 ) -> None:
     """Curves, modes, maps, thresholds and errata, as predictions.h5 and a page; takes a few minutes."""
     folder = report_folder(out_dir, "predict")
-    if (folder / FILE_NAME).exists() and not force:
-        raise UserError(f"--out: {folder} holds predictions already; valid: another folder, or --force")
-    make_folder(folder)
-    for stale in (FILE_NAME, "index.html"):  # a page must never stand beside a file it is not made of
-        (folder / stale).unlink(missing_ok=True)
-    with Progress(quiet) as progress:
-        chapters = compute(progress.report)
-    write_predictions(folder / FILE_NAME, chapters, command())
-    page = write_theory_page(folder)
+    with report_in(folder, FILE_NAME, "predictions", force):
+        with Progress(quiet) as progress:
+            chapters = compute(progress.report)
+        write_predictions(folder / FILE_NAME, chapters, command())
+        page = write_theory_page(folder)
     conclude(ReportAnswer(command="predict report", page=str(page)), "", as_json)
 
 
