@@ -6,8 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from actin_xcheck.cli import predict
 from actin_xcheck.cli.chart import chart_command
@@ -20,6 +19,7 @@ from actin_xcheck.cli.faults import faults_command
 from actin_xcheck.cli.frontier import frontier_command
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
+from actin_xcheck.cli.options import print_table
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.paper import paper_command
 from actin_xcheck.cli.render import export_command, render_command
@@ -44,12 +44,28 @@ from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
 from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.closures.record import FILE_NAME as CLOSURES_FILE
+from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.studies.distort.record import FILE_NAME as DISTORTION_FILE
 from actin_xcheck.studies.extremes.record import FILE_NAME as EXTREMES_FILE
 from actin_xcheck.studies.faults.record import FILE_NAME as FAULTS_FILE
 from actin_xcheck.studies.frontier.record import FILE_NAME as FRONTIER_FILE
 from actin_xcheck.studies.theory.predictions import FILE_NAME as PREDICTIONS_FILE
+
+_PAGES = {
+    AUDIT_FILE: write_audit_page,
+    CHART_FILE: write_chart_page,
+    CLOSURES_FILE: write_closures_page,
+    COMPARISON_FILE: write_report,
+    CONVERGENCE_FILE: write_convergence_page,
+    DISTORTION_FILE: write_distortion_page,
+    EXTREMES_FILE: write_extremes_page,
+    FAULTS_FILE: write_faults_page,
+    FRONTIER_FILE: write_frontier_page,
+    NIGHT_FILE: write_night_page,
+    PREDICTIONS_FILE: write_theory_page,
+}
+"""What writes the page of a report, by the file that a report of its kind is kept in."""
 
 app = typer.Typer(
     add_completion=False,
@@ -83,14 +99,13 @@ app.command("nightly")(nightly_command)
 def scenes_command(context: typer.Context) -> None:
     """List the shipped scenes with what they are."""
     if context.invoked_subcommand is None:
-        table = Table("scene", "from", "psi", "p", "rheology", "closure", "delta", box=None)
+        table = Table(Column("scene", no_wrap=True), "from", "model", box=None)
         for scene in map(load_scene, shipped_scenes()):
             parameters, physics = scene.parameters, scene.physics
-            table.add_row(
-                scene.name, scene.citation, f"{parameters.psi:g}", f"{parameters.p:g}",
-                physics.rheology, physics.closure, physics.delta,
-            )  # fmt: skip
-        Console(soft_wrap=True, highlight=False, width=160).print(table)
+            numbers = f"psi {parameters.psi:g}, p {parameters.p:g}"
+            model = f"{numbers}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
+            table.add_row(scene.name, scene.citation, model)
+        print_table(table)
 
 
 @scenes_app.command("show")
@@ -102,27 +117,26 @@ def scenes_show(name: str) -> None:
 @app.command("report")
 def report_command(folder: Path, json: Json = False) -> None:
     """Write the HTML report of a comparison, an audit, a study or predictions again, from its files alone."""
-    pages = {
-        AUDIT_FILE: write_audit_page,
-        CHART_FILE: write_chart_page,
-        CLOSURES_FILE: write_closures_page,
-        CONVERGENCE_FILE: write_convergence_page,
-        DISTORTION_FILE: write_distortion_page,
-        EXTREMES_FILE: write_extremes_page,
-        FAULTS_FILE: write_faults_page,
-        FRONTIER_FILE: write_frontier_page,
-        NIGHT_FILE: write_night_page,
-        PREDICTIONS_FILE: write_theory_page,
-    }
-    write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
+    found = [page for name, page in _PAGES.items() if (folder / name).exists()]
+    if not found:
+        raise UserError(f"{folder}: {_holds(folder)}; valid: a folder that holds {', '.join(_PAGES)}")
     try:
         with np.errstate(all="ignore"):
-            page = write(folder)
+            page = found[0](folder)
     except (UserError, OSError):
         raise
     except Exception as error:  # its files may hold anything
         raise UserError(f"{folder}: cannot be drawn ({type(error).__name__}: {error})") from error
     conclude(ReportAnswer(command="report", page=str(page)), "", json)
+
+
+def _holds(folder: Path) -> str:
+    """What is there in place of a report."""
+    if not folder.is_dir():
+        return "a file, no folder" if folder.exists() else "no such folder"
+    names = sorted(path.name for path in folder.iterdir())
+    others = f" and {len(names) - 5} others" if len(names) > 5 else ""
+    return f"holds no report but {', '.join(names[:5])}{others}" if names else "an empty folder"
 
 
 def main() -> None:
@@ -133,7 +147,9 @@ def main() -> None:
         _refuse(str(error))
     except OSError as error:  # a full disk, or a folder that cannot be written
         _refuse(f"{error.filename or 'cannot write'}: {error.strerror or error}")
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, typer.Abort) as end:
+        if isinstance(end.__cause__, EOFError):  # typer's reading of it, which is for what asks questions
+            raise end.__cause__ from None
         print("actin_xcheck: interrupted; what was finished is kept", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
