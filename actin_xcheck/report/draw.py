@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator
 
 from actin_xcheck.report.cells import OUTLINE, Brush, Canvas, ColourBar, Panel, colours, window
 from actin_xcheck.report.exhibits import Exhibit, Line, Picture, Plot, Regions, Sheet, Shots
-from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
+from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg, unstyled
 
 _BANDS = (
     *("#26366e", "#b3b1ab", "#4b1c22", "#7b4fa3", "#3f9b5f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
@@ -141,6 +141,7 @@ def _line(axes: Axes, line: Line, style: Style, marker: str) -> Key:
     return Key(line.label, style.colour, style.width)
 
 
+@unstyled()
 def _picture(picture: Picture, path: str) -> Drawing:
     values, scale = picture.values, colours([picture.values])
     n_r, n_theta = values.shape

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
-from actin_xcheck.runs.workers import Report
+from actin_xcheck.runs.workers import Report, have_room_for_sockets
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -34,6 +34,7 @@ def work_alone(work: Callable[[Task, Report], Result], task: Task, report: Repor
 
     Raises whatever `work` raises; ChildProcessError where the process ends without an answer.
     """
+    have_room_for_sockets()
     receiver, sender = _CONTEXT.Pipe(duplex=False)
     process = _CONTEXT.Process(target=_work, args=(sender, work, task), daemon=True)
     process.start()

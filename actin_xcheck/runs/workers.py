@@ -3,10 +3,12 @@
 import multiprocessing
 import os
 import queue
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
+from multiprocessing.util import get_temp_dir
 from typing import TypeVar
 
 Task = TypeVar("Task")
@@ -14,6 +16,9 @@ Result = TypeVar("Result")
 
 Report = Callable[[str, int, int], None]
 """Called with a label, parts done and parts in all."""
+
+_LONGEST = 70
+"""Bytes of a folder in which sockets are: a path has 107 at most, macOS 103, and two more names in it."""
 
 _IN_TURN = ContextVar("in turn", default=False)
 
@@ -44,6 +49,7 @@ def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], repo
     if not tasks:
         return []
     context = multiprocessing.get_context("spawn")
+    have_room_for_sockets()
     workers = min(len(tasks), os.cpu_count() or 1)
     with context.Manager() as manager, ProcessPoolExecutor(workers, mp_context=context) as pool:
         news = manager.Queue()
@@ -58,6 +64,17 @@ def work_off(work: Callable[[Task, Report], Result], tasks: Sequence[Task], repo
                 worker.terminate()
             raise
         return [future.result() for future in futures]
+
+
+def have_room_for_sockets() -> None:
+    """Let the sockets of multiprocessing lie where there is room for their paths: TMPDIR may be too long."""
+    usual = tempfile.gettempdir()
+    if os.name == "posix" and len(os.fsencode(usual)) > _LONGEST:
+        tempfile.tempdir = "/tmp"
+        try:
+            get_temp_dir()  # from now on it is this one
+        finally:
+            tempfile.tempdir = usual
 
 
 def _work(
