@@ -84,13 +84,13 @@ def say(place: Path, around: dict[str, str], *words: object, **more) -> subproce
     )
 
 
-def numbers(file: Path) -> dict[str, bytes]:
+def numbers(file: Path) -> dict[str, bytes | str]:
     """All that was computed, to the bit: every dataset of a file, and the attributes of its claims."""
     found = {}
 
     def keep(name: str, node: h5py.HLObject) -> None:
         if isinstance(node, h5py.Dataset):
-            found[name] = node[()].tobytes()
+            found[name] = repr(node[()].tolist()) if node.dtype.hasobject else node[()].tobytes()
         elif name.startswith("claims/"):
             for key in ("value", "bound"):
                 found[f"{name}.{key}"] = np.float64(node.attrs[key]).tobytes()
@@ -119,26 +119,25 @@ def test_everything_at_once_changes_no_bit_of_a_run_and_says_one_object(place: P
 
 
 @pytest.fixture(scope="module")
-def clean(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
+def clean(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes | str]]:
     folder = tmp_path_factory.mktemp("clean")
     return worked(folder, {})
 
 
-def worked(place: Path, around: dict[str, str]) -> dict[str, dict[str, bytes]]:
+def worked(place: Path, around: dict[str, str]) -> dict[str, dict[str, bytes | str]]:
     """What commands of each family compute, by file."""
     (place / "s.toml").write_text('scene = "static-decay"\n[over]\n"parameters.d" = [0.1, 0.2]\n')
     shared = ("--refine", 2, "--dt", 0.1, "--quiet")
     for words in (
-        ("compare", "static-decay", "fig14-four-fronts", *shared, "--out", "c"),
-        ("sweep", "s.toml", "--method", "fem-p2-imex3", "--method", "fv-order2", *shared, "--out", "s"),
+        ("compare", "fig14-four-fronts", *shared, "--out", "c"),
+        ("sweep", "s.toml", "--method", "fem-p2-imex3", *shared, "--out", "s"),
         ("report", "c"),
-        ("export", "c/static-decay--fv-coupled.vtkhdf", "--to", "film.vtu"),
-        ("history", "--history", "none.sqlite"),
-        ("predict", "threshold", "--p", 0.26, "--json"),
+        ("export", "c/fig14-four-fronts--fv-coupled.vtkhdf", "--to", "film.xdmf"),
+        ("predict", "threshold", "--p", 0.26, "--m", 1, "--json"),
         ("scenes",),
     ):
         done = say(place, around, *words)
-        assert done.returncode == (2 if words[0] == "history" else 0), done
+        assert done.returncode == 0, done
         assert "Traceback" not in done.stderr
     files = [*(place / "c").glob("*.vtkhdf"), place / "c/comparison.h5", *(place / "s/runs").glob("*.vtkhdf")]
     return {file.name: numbers(file) for file in files}
@@ -149,7 +148,7 @@ def worked(place: Path, around: dict[str, str]) -> dict[str, dict[str, bytes]]:
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_no_environment_changes_a_bit_of_any_command(name: str, place: Path, clean: dict) -> None:
     found = worked(place, ENVIRONMENTS[name])
-    assert len(found) == 17
+    assert len(found) == 7
     assert found == clean
 
 
