@@ -17,6 +17,8 @@ def settle() -> None:
     if here != _PLACE:
         sys.path.sort(key=lambda entry: entry in ("", here))
         os.environ["PYTHONSAFEPATH"] = "1"
+        named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, named))  # an empty name is this directory
     os.environ["MPLBACKEND"] = "agg"  # Jupyter's is none where its packages are not installed
     for name in ("HDF5_DRIVER", "HDF5_USE_FILE_LOCKING"):  # for other files than ours
         os.environ.pop(name, None)
