@@ -9,8 +9,8 @@ happen before numpy's first import, hence here.
 """
 
 import os
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # `typing` itself would be looked for in the working directory, see `__main__`
 if TYPE_CHECKING:
     from actin_xcheck.api import cross_check, load, render, run, sweep
 
@@ -22,7 +22,7 @@ __version__ = "0.1.0"
 __all__ = ["cross_check", "load", "render", "run", "sweep"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Load a name of the interface when it is first used: the import of the package alone stays light."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

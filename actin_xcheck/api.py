@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from actin_xcheck.cli.options import make_folder, report_folder
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
@@ -20,6 +19,7 @@ from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.folder import make_folder, report_folder, report_in
 from actin_xcheck.studies.sweep.carry_out import carry_out, plan
 from actin_xcheck.studies.sweep.table import SweepTable
 from actin_xcheck.studies.sweep.task import Numerics
@@ -105,14 +105,14 @@ def cross_check(
     wanted = [scenes] if isinstance(scenes, str | Path) else scenes
     chosen = [find_method(name) for name in methods]
     folder = report_folder(None if out is None else Path(out), "compare")
-    if (folder / "comparison.h5").exists():
+    file = folder / comparison.FILE_NAME
+    if file.exists():
         raise UserError(f"out: {folder} holds a comparison already; valid: another folder")
-    jobs = comparison.jobs_of(
-        [load_scene(one) for one in wanted], chosen, make_folder(folder), refine, dt, rtol
-    )
-    comparison.compare(jobs, folder, "actin_xcheck.cross_check")
-    write_report(folder)
-    return read_comparison(folder / "comparison.h5")
+    jobs = comparison.jobs_of([load_scene(one) for one in wanted], chosen, folder, refine, dt, rtol)
+    with report_in(folder, file.name, "a comparison", force=False):
+        comparison.compare(jobs, folder, "actin_xcheck.cross_check")
+        write_report(folder)
+    return read_comparison(file)
 
 
 def sweep(
@@ -142,10 +142,11 @@ def sweep(
     -------
     The table: `table["parameters.psi"]`, `table["outcome"]`, `table["area"]` are arrays with an entry a run.
     """
+    processes = jobs_asked(jobs, scheduler)
     names = [methods] if isinstance(methods, str) else list(methods)
     numerics = Numerics(names[0], refine, dt, rtol, _fidelity(fidelity))
     planned = plan(Path(file), names, numerics, make_folder(Path(out)), "actin_xcheck.sweep")
-    table, _ = carry_out(planned, jobs_asked(jobs, scheduler), scheduler, lambda label, done, total: None)
+    table, _ = carry_out(planned, processes, scheduler, lambda label, done, total: None)
     return table
 
 

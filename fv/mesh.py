@@ -3,27 +3,58 @@
 import os
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array
 
 
 def _import_fipy() -> Any:
-    """Import FiPy with SciPy's solvers; it would take our command line for its own (`--petsc`, ...)."""
-    os.environ.setdefault("FIPY_SOLVERS", "scipy")
+    """Import FiPy with SciPy's solvers, whatever surrounds it.
+
+    It would take our command line for its own (`--petsc`, ...), and so it would variables that others set for
+    a FiPy of theirs; it adds to a docstring, of which there is none under `python -OO`.  UserError where it
+    was imported before with other solvers: its matrices are others then.
+    """
+    for name in [name for name in os.environ if name.startswith("FIPY_")]:
+        del os.environ[name]
+    os.environ["FIPY_SOLVERS"] = "scipy"
     arguments, sys.argv = sys.argv, sys.argv[:1]
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _with_docstrings() if sys.flags.optimize > 1 else nullcontext():
             warnings.simplefilter("ignore")
             import fipy
     finally:
         sys.argv = arguments
+    if (suite := fipy.solvers.solver_suite) != "scipy":
+        raise UserError(
+            f"FiPy is in this process with its {suite} solvers already; "
+            "valid: FIPY_SOLVERS=scipy before it is imported, or another process"
+        )
     return fipy
+
+
+@contextmanager
+def _with_docstrings() -> Iterator[None]:
+    """Give modules of FiPy's that are imported within it an empty docstring in place of none."""
+
+    def create_module(loader: SourceFileLoader, spec: ModuleSpec) -> ModuleType | None:
+        return ModuleType(spec.name, "") if spec.name.startswith("fipy.") else None
+
+    SourceFileLoader.create_module = create_module  # type: ignore
+    try:
+        yield
+    finally:
+        del SourceFileLoader.create_module  # what it inherits
 
 
 fipy = _import_fipy()

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli import options as command_line
-from actin_xcheck.cli.options import report_folder
 from actin_xcheck.runs.executor import cores, jobs_asked
 from actin_xcheck.scene.scene import scene_text
+from actin_xcheck.studies.folder import report_folder
 from tests.processes import posix
 
 SERIES = {

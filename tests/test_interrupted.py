@@ -16,7 +16,7 @@ import pytest
 
 from actin_xcheck.core import files
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.files import locked, replace_file, unfinished
+from actin_xcheck.core.files import database, locked, replace_file, unfinished
 from actin_xcheck.runs import checkpoint
 from actin_xcheck.runs.store import annotate, read_run
 from actin_xcheck.scene.scene import load_scene
@@ -40,6 +40,69 @@ def test_one_process_at_a_time(tmp_path: Path) -> None:
     with locked(path):
         assert not (tmp_path / ".run.partial.vtkhdf.123.new").exists()
     assert (tmp_path / ".run.2.vtkhdf.123.new").exists()
+
+
+@pytest.fixture(params=[errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP])
+def lockless(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file system without locks, as the system says it of one."""
+
+    def none(*_: object) -> None:
+        raise OSError(request.param, os.strerror(request.param))
+
+    monkeypatch.setattr("fcntl.flock", none)
+    monkeypatch.setattr(files, "flock", none)
+
+
+def _hold_and_die(path: Path) -> None:
+    with locked(path):
+        os._exit(0)
+
+
+def test_one_process_at_a_time_where_there_are_no_locks(tmp_path: Path, lockless: None) -> None:
+    path = tmp_path / "run.vtkhdf"
+    killed = multiprocessing.get_context("fork").Process(target=_hold_and_die, args=(path,))
+    killed.start()
+    killed.join()
+    assert list(tmp_path.iterdir())  # nothing but a file tells of it, and of its end its number alone
+    with locked(path):
+        with pytest.raises(UserError, match="another process is writing it; valid: another"):
+            go(QUICK[0], path)
+        with locked(tmp_path / "other.vtkhdf"):
+            pass
+    assert list(tmp_path.iterdir()) == []
+
+
+HOLDER = """
+import fcntl, sys
+held = open(sys.argv[1], "r+b")
+fcntl.lockf(held, fcntl.LOCK_EX)
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_database_where_there_are_no_locks_is_held_by_ours(tmp_path: Path, lockless: None) -> None:
+    """Another process has the lock that SQLite would wait for."""
+    path = tmp_path / "h.sqlite"
+    path.touch()
+    call = [sys.executable, "-c", HOLDER, str(path)]
+    with subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        with database(path, "rwc") as rows:
+            rows.execute("CREATE TABLE t (x)")
+            rows.execute("INSERT INTO t VALUES (1)")
+            with pytest.raises(UserError, match="another process is writing it"), locked(path):
+                pass
+        with database(path, "rw") as rows:
+            assert rows.execute("SELECT x FROM t").fetchall() == [(1,)]
+    assert [one.name for one in tmp_path.iterdir()] == ["h.sqlite"]
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a folder in which nobody can write")
+def test_where_nothing_can_be_written_nobody_is_said_to_write() -> None:
+    with pytest.raises(UserError, match=r"/proc/x.vtkhdf: cannot be written \(No such file"):
+        go(QUICK[0], Path("/proc/x.vtkhdf"))
 
 
 def _kill_yourself(kind: Kind, path: Path, moment: str) -> None:

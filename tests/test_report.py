@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -38,6 +39,12 @@ a = "1 + 0.1*abs(sin(x)*sin(y))"
 [time]
 end = 0.1636
 """
+ANOTHER_STYLE = {
+    **{"text.usetex": True, "savefig.bbox": "tight", "axes.xmargin": 0.3, "font.size": 30, "figure.dpi": 30},
+    **{"patch.antialiased": False, "lines.antialiased": False, "figure.autolayout": True, "savefig.dpi": 20},
+    **{"axes.formatter.use_locale": True, "lines.linewidth": 9, "lines.linestyle": ":"},
+}
+"""Of a `matplotlibrc` that someone has for pages of theirs."""
 
 
 def write_run(
@@ -156,6 +163,14 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Claim
     folder = tmp_path_factory.mktemp("report")
     claims = write_comparison_of_everything(folder)
     return write_report(folder), claims
+
+
+def test_a_page_is_drawn_as_ever_in_whatever_style_is_the_users(reported: tuple[Path, list[Claim]]) -> None:
+    page, _ = reported
+    before = page.read_bytes()
+    with mpl.rc_context(ANOTHER_STYLE):
+        assert write_report(page.parent).read_bytes() == before
+        assert mpl.rcParams["font.size"] == 30  # and is theirs again
 
 
 def test_every_claim_is_told_in_full(reported: tuple[Path, list[Claim]]) -> None:

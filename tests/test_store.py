@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -28,6 +29,7 @@ from actin_xcheck.runs.run import bind
 from actin_xcheck.runs.store import (
     RUN_ATTRIBUTES,
     RunWriter,
+    annotate,
     provenance,
     read_comparison,
     read_run,
@@ -35,6 +37,7 @@ from actin_xcheck.runs.store import (
 )
 from actin_xcheck.runs.vtkhdf import Film
 from tests.lab import scene_of
+from tests.processes import posix
 
 TIMES = (0.0, 0.25, 1.0)
 ATTRIBUTES = {name: f"some {name}" for name in RUN_ATTRIBUTES} | {"refine": 2, "dt": 0.25, "seed": 7}
@@ -385,6 +388,29 @@ def test_a_comparison_without_one_of_its_runs_is_refused(tmp_path: Path, mesh: M
 )
 def test_a_claim_holds_if_its_value_is_finite_and_within_the_bound(value: float, verdict: str) -> None:
     assert Claim("s", (), "…", value, 2.0, "", "").verdict == verdict
+
+
+@posix
+def test_a_file_is_read_without_a_lock(tmp_path: Path, mesh: Mesh) -> None:
+    """Where there are none, to ask for one fails as it does where another has it."""
+    import fcntl
+
+    write(tmp_path / "run.vtkhdf", mesh)
+    write_comparison(tmp_path / "comparison.h5", [CLAIM], {"s/m": tmp_path / "run.vtkhdf"}, {})
+    with (tmp_path / "run.vtkhdf").open("r+b") as run, (tmp_path / "comparison.h5").open("r+b") as comparison:
+        for held in (run, comparison):
+            fcntl.flock(held, fcntl.LOCK_EX)
+        annotate(tmp_path / "run.vtkhdf", {"more": 1})
+        (found,) = read_comparison(tmp_path / "comparison.h5").runs.values()
+    assert found.attributes["more"] == 1
+
+
+def test_the_commit_is_that_of_this_code_whatever_git_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    commit = provenance()["commit"]
+    assert re.fullmatch(r"[0-9a-f]{40}(-dirty)?|unknown", commit)
+    for name, value in {"GIT_DIR": "/nowhere", "GIT_WORK_TREE": "/", "GIT_INDEX_FILE": "none"}.items():
+        monkeypatch.setenv(name, value)
+    assert provenance()["commit"] == commit
 
 
 def test_provenance_names_what_computed() -> None:

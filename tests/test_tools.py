@@ -22,6 +22,7 @@ from actin_xcheck.cli.app import main
 from actin_xcheck.cli.output import FilesAnswer, schemas
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import locked
 from actin_xcheck.runs.export import export
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run as stored_run
@@ -187,6 +188,64 @@ def test_a_cross_check_is_the_commands(tmp_path: Path) -> None:
     assert (tmp_path / "c" / "index.html").exists()
     with pytest.raises(UserError, match="another folder"):
         actin_xcheck.cross_check("static-decay", out=tmp_path / "c")
+
+
+def test_a_cross_check_waits_for_nobody(tmp_path: Path) -> None:
+    with (
+        locked(tmp_path / "comparison.h5"),
+        pytest.raises(UserError, match=r"comparison.h5: another process is writing it"),
+    ):
+        actin_xcheck.cross_check("static-decay", out=tmp_path)
+
+
+def test_a_sweep_by_a_scheduler_has_no_jobs_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('scene = "static-decay"\n')
+    with pytest.raises(UserError, match="--jobs: not with --scheduler"):
+        actin_xcheck.sweep(
+            tmp_path / "s.toml", "fem-p1-paper", out=tmp_path / "s", jobs=2, scheduler="tcp://here:1"
+        )
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        (("compare", "static-decay"), "comparison.h5"),
+        (("faults", "--only", "fv-leak"), "faults.h5"),
+        (("extremes",), "extremes.h5"),
+        (("paper", "--only", "fig14"), "audit.h5"),
+        (("predict", "report"), "predictions.h5"),
+    ],
+)
+def test_no_report_is_overwritten_unasked(words, file: str, tmp_path: Path, command) -> None:
+    for name in (file, "index.html"):
+        (tmp_path / name).write_text("of yesterday")
+    one_line(command(*words, "--out", tmp_path), str(tmp_path), "already; valid: another folder, or --force")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        file: "of yesterday",
+        "index.html": "of yesterday",
+    }
+    with locked(tmp_path / file):
+        one_line(command(*words, "--out", tmp_path, "--force"), file, "another process is writing it")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda folder: None, "no such folder"),
+        (lambda folder: folder.write_text(""), "a file, no folder"),
+        (lambda folder: folder.mkdir(), "an empty folder"),
+        (lambda folder: (folder / "sweep.h5").mkdir(parents=True), "holds no report but sweep.h5;"),
+        (
+            lambda folder: [(folder / name).mkdir(parents=True) for name in "gbcdeaf"],
+            "holds no report but a, b, c, d, e and 2 others;",
+        ),
+    ],
+)
+def test_a_folder_without_a_report_is_told_what_it_holds(make, said: str, tmp_path: Path, command) -> None:
+    make(tmp_path / "f")
+    valid = "valid: a folder that holds audit.h5, chart.h5, closures.h5, comparison.h5, "
+    one_line(command("report", "f"), f"actin_xcheck: f: {said}", valid, "predictions.h5")
 
 
 def area_in(picture: np.ndarray, half: float) -> float:

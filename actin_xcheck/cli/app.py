@@ -10,8 +10,7 @@ from typing import NoReturn
 
 import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
@@ -19,6 +18,7 @@ from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
+from actin_xcheck.cli.options import print_table
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.paper import paper_command
 from actin_xcheck.cli.render import export_command, render_command
@@ -34,10 +34,20 @@ from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.studies.chart.page import write_chart_page
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
+from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.studies.page import study_file, write_page
+
+_PAGES = {
+    AUDIT_FILE: write_audit_page,
+    CHART_FILE: write_chart_page,
+    COMPARISON_FILE: write_report,
+    CONVERGENCE_FILE: write_convergence_page,
+    NIGHT_FILE: write_night_page,
+}
+"""What writes the page of a report, by the file that a report of its kind is kept in."""
 
 app = typer.Typer(
     add_completion=False,
@@ -71,14 +81,13 @@ app.command("nightly")(nightly_command)
 def scenes_command(context: typer.Context) -> None:
     """List the shipped scenes with what they are."""
     if context.invoked_subcommand is None:
-        table = Table("scene", "from", "psi", "p", "rheology", "closure", "delta", box=None)
+        table = Table(Column("scene", no_wrap=True), "from", "model", box=None)
         for scene in map(load_scene, shipped_scenes()):
             parameters, physics = scene.parameters, scene.physics
-            table.add_row(
-                scene.name, scene.citation, f"{parameters.psi:g}", f"{parameters.p:g}",
-                physics.rheology, physics.closure, physics.delta,
-            )  # fmt: skip
-        Console(soft_wrap=True, highlight=False, width=160).print(table)
+            numbers = f"psi {parameters.psi:g}, p {parameters.p:g}"
+            model = f"{numbers}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
+            table.add_row(scene.name, scene.citation, model)
+        print_table(table)
 
 
 @scenes_app.command("show")
@@ -90,22 +99,28 @@ def scenes_show(name: str) -> None:
 @app.command("report")
 def report_command(folder: Path, json: Json = False) -> None:
     """Write the HTML report of a comparison, an audit, a study or predictions again, from its files alone."""
-    pages = {
-        AUDIT_FILE: write_audit_page,
-        CHART_FILE: write_chart_page,
-        CONVERGENCE_FILE: write_convergence_page,
-        NIGHT_FILE: write_night_page,
-    }
-    write = next((page for name, page in pages.items() if (folder / name).exists()), write_report)
+    file = study_file(folder)
+    found = [page for name, page in _PAGES.items() if (folder / name).exists()]
+    if not file and not found:
+        valid = f"{', '.join(_PAGES)} or the file of a study"
+        raise UserError(f"{folder}: {_holds(folder)}; valid: a folder that holds {valid}")
     try:
         with np.errstate(all="ignore"):
-            file = study_file(folder)
-            page = write_page(file) if file else write(folder)
+            page = write_page(file) if file else found[0](folder)
     except (UserError, OSError):
         raise
     except Exception as error:  # its files may hold anything
         raise UserError(f"{folder}: cannot be drawn ({type(error).__name__}: {error})") from error
     conclude(ReportAnswer(command="report", page=str(page)), "", json)
+
+
+def _holds(folder: Path) -> str:
+    """What is there in place of a report."""
+    if not folder.is_dir():
+        return "a file, no folder" if folder.exists() else "no such folder"
+    names = sorted(path.name for path in folder.iterdir())
+    others = f" and {len(names) - 5} others" if len(names) > 5 else ""
+    return f"holds no report but {', '.join(names[:5])}{others}" if names else "an empty folder"
 
 
 class _Ended(BaseException):
@@ -146,6 +161,8 @@ def main() -> None:
         said = "interrupted" if end.number == signal.SIGINT else f"ended by {end.number.name}"
         print(f"actin_xcheck: {said}; what was finished is kept", file=sys.stderr)
         sys.exit(128 + end.number)
+    except typer.Abort as end:  # typer's reading of the end of a file, which is for what asks questions
+        raise (end.__cause__ or end) from None
     except Exception as error:
         if (message := getattr(error, "format_message", None)) is None:
             raise

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import command
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.runs.method import find_method
@@ -13,6 +13,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.chart.advice import in_words
 from actin_xcheck.studies.chart.examine import default_methods, examine
 from actin_xcheck.studies.chart.page import write_chart_page
+from actin_xcheck.studies.folder import make_folder, report_folder
 
 
 def chart_command(

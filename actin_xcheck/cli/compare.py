@@ -6,26 +6,15 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import (
-    Dt,
-    Force,
-    Quiet,
-    Refine,
-    Rtol,
-    check_step,
-    command,
-    make_folder,
-    report_folder,
-    warn_of,
-)
+from actin_xcheck.cli.options import Dt, Force, Quiet, Refine, Rtol, check_step, command, warn_of
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.files import locked
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.folder import report_folder, report_in
 from actin_xcheck.verdicts.known_to import in_words, read_known_to
 
 
@@ -51,12 +40,7 @@ def compare_command(
         raise UserError(f"compare: more than one scene is named {', '.join(sorted(repeated))}")
     methods = [find_method(name) for name in dict.fromkeys(method or comparison.DEFAULT_METHODS)]
     folder = report_folder(out_dir, "compare")
-    if (folder / "comparison.h5").exists() and not force:
-        raise UserError(f"--out: {folder} holds a comparison already; valid: another folder, or --force")
-    make_folder(folder)
-    with locked(folder / "comparison.h5"):
-        for stale in ("comparison.h5", "index.html"):  # a page must never stand beside runs it is not made of
-            (folder / stale).unlink(missing_ok=True)
+    with report_in(folder, comparison.FILE_NAME, "a comparison", force):
         jobs = comparison.jobs_of(loaded, methods, folder, refine, dt, rtol)
         for scene in loaded:
             warn_of(scene)

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.options import Force, Quiet, command, make_folder, report_folder
+from actin_xcheck.cli.options import Force, Quiet, command
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
+from actin_xcheck.studies.folder import make_folder, report_folder
 
 if TYPE_CHECKING:
     from actin_xcheck.studies.study import Report, Study

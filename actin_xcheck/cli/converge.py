@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import command
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
@@ -16,6 +16,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.converge.examine import examine
 from actin_xcheck.studies.converge.page import write_convergence_page
 from actin_xcheck.studies.converge.studies import studies_of
+from actin_xcheck.studies.folder import make_folder, report_folder
 from actin_xcheck.verdicts.orders import Verdict
 
 DEFAULT_SCENES = {

@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from actin_xcheck.cli.options import print_table
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.history.changes import Shape
 from actin_xcheck.nightly.history.database import (
@@ -63,12 +63,12 @@ def history_command(
         )
         return
     if not steps and key is None:
-        _print(_nights_table(nights))
+        print_table(_nights_table(nights))
     if key is not None:
-        _print(_series_table(series))
+        print_table(_series_table(series))
     if steps:
         print(_found_words(found, series))
-        _print(_events_table(found[:_SHOWN]))
+        print_table(_events_table(found[:_SHOWN]))
         _say_rest(len(found))
 
 
@@ -93,10 +93,10 @@ def diff_command(
     print(f"{before.name} ({before.date}) -> {after.name} ({after.date}): {_listed(news)}")
     print(f"{len(claims)} claims turned")
     if claims:
-        _print(_turned_table(claims))
+        print_table(_turned_table(claims))
     print(f"{len(numbers)} numbers differ, {sum(one.weight >= 1 for one in numbers)} by what is of interest")
     if numbers:
-        _print(_differences_table(numbers[:_SHOWN]))
+        print_table(_differences_table(numbers[:_SHOWN]))
     _say_rest(len(numbers))
 
 
@@ -171,10 +171,6 @@ def _listed(news: Sequence[str]) -> str:
 def _say_rest(count: int) -> None:
     if count > _SHOWN:
         print(f"... and {count - _SHOWN} smaller ones (--json)")
-
-
-def _print(table: Table) -> None:
-    Console(soft_wrap=True, highlight=False, width=200).print(table)
 
 
 def _night(one: Counted) -> dict[str, Any]:

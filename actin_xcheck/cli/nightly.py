@@ -13,7 +13,7 @@ from typing import Annotated, Literal, TypeVar
 
 import typer
 
-from actin_xcheck.cli.options import command, make_folder
+from actin_xcheck.cli.options import command
 from actin_xcheck.cli.output import Answer, Json, say
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.claim import excess
@@ -44,6 +44,7 @@ from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.hunt import control, missed
+from actin_xcheck.studies.folder import make_folder
 
 Kind = TypeVar("Kind", bound=Item)
 

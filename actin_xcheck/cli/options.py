@@ -2,14 +2,13 @@
 
 import math
 import sys
-from datetime import datetime
-from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.files import new_folder
 from actin_xcheck.core.model import CAVEATS
 from actin_xcheck.runs.commands import typed
 from actin_xcheck.scene.scene import Scene
@@ -24,19 +23,13 @@ Rtol = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
 
-
-def report_folder(out_dir: Path | None, kind: str) -> Path:
-    """Return the folder a user named, else make a new one for this kind of report and this moment."""
-    return out_dir or new_folder(Path("reports") / f"{kind}-{datetime.now():%Y%m%d-%H%M%S}")
+_WHOLE = 10_000
+"""Characters of the longest line that a table may have where nobody looks at it."""
 
 
-def make_folder(folder: Path) -> Path:
-    """Make a folder where there is none and return it; UserError where that cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
-    return folder
+def print_table(table: Table) -> None:
+    """Print a table as wide as a terminal, and in whole lines where there is none."""
+    Console(highlight=False, width=None if sys.stdout.isatty() else _WHOLE).print(table)
 
 
 def command() -> str:

@@ -1,5 +1,6 @@
 """What commands say under `--json`: one object on one line of standard output, and what stands in it."""
 
+import json
 from typing import Annotated, Any, Literal
 
 import typer
@@ -75,8 +76,8 @@ def conclude(answer: ReportAnswer, found: str, as_json: bool) -> None:
 
 
 def say(answer: Answer) -> None:
-    """Print an answer."""
-    print(answer.model_dump_json())
+    """Print an answer, in ASCII: what stands for other letters in a terminal's encoding is no JSON."""
+    print(json.dumps(json.loads(answer.model_dump_json()), separators=(",", ":")))
 
 
 def schemas() -> dict[str, dict[str, Any]]:

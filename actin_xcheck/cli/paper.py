@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import command
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.errors import UserError
@@ -16,6 +16,7 @@ from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.record import FILE_NAME
 from actin_xcheck.studies.audit.row import Judgement
 from actin_xcheck.studies.audit.rows import ROWS
+from actin_xcheck.studies.folder import report_folder, report_in
 
 
 def paper_command(
@@ -41,14 +42,10 @@ def paper_command(
                 f"--only: no row is called {key!r}; valid are {some} and others, {len(ROWS)} in all"
             )
     folder = report_folder(out_dir, "paper")
-    if (folder / FILE_NAME).exists() and not force:
-        raise UserError(f"--out: {folder} holds an audit already; valid: another folder, or --force")
-    make_folder(folder)
-    for stale in (FILE_NAME, "index.html"):  # a page must never stand beside runs it is not made of
-        (folder / stale).unlink(missing_ok=True)
-    with Progress(quiet) as progress:
-        entries = examine(keys, folder, command(), progress.report)
-    page = write_audit_page(folder)
+    with report_in(folder, FILE_NAME, "an audit", force):
+        with Progress(quiet) as progress:
+            entries = examine(keys, folder, command(), progress.report)
+        page = write_audit_page(folder)
     counts = Counter(entry.finding.judgement for entry in entries)
     said = tuple(
         f"{entry.key} ({entry.place}): {entry.finding.judgement}\n"

@@ -6,10 +6,10 @@ import re
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from actin_xcheck.cli.conduct import study_command
+from actin_xcheck.cli.options import print_table
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
@@ -22,7 +22,6 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Exact growth rates and thresholds of the disk, delta constant; a report of all linear theory.",
 )
-out = Console(soft_wrap=True, highlight=False)
 
 _DEFAULT = Parameters(psi=0.0, p=0.0)
 Psi = Annotated[float, typer.Option(help="Contractile tonicity, non-dimensional.")]
@@ -75,7 +74,7 @@ def modes_command(
     table = Table("m", "Re lambda", "Im lambda", box=None)
     for mode in found:
         table.add_row(str(mode["m"]), f"{mode['re']:.10g}", f"{mode['im']:.10g}")
-    out.print(table)
+    print_table(table)
 
 
 @app.command("threshold")
@@ -104,7 +103,7 @@ def threshold_command(
     for one in found:
         numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
         table.add_row(str(one.m), *numbers, one.reason)
-    out.print(table)
+    print_table(table)
 
 
 @app.command("report")

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import make_folder
 from actin_xcheck.cli.output import FilesAnswer, Json, say
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs.export import export, files_of
 from actin_xcheck.runs.store import read_run
+from actin_xcheck.studies.folder import make_folder
 
 Stored = Annotated[Path, typer.Argument(help="A stored run, .vtkhdf.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]

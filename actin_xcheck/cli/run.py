@@ -14,7 +14,6 @@ from actin_xcheck.cli.options import (
     Rtol,
     check_step,
     command,
-    make_folder,
     resuming_command,
     warn_of,
 )
@@ -32,6 +31,7 @@ from actin_xcheck.runs.run import numerics, remeshes, run
 from actin_xcheck.scene.outline import caveats, read_mesh
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.compare import Job
+from actin_xcheck.studies.folder import make_folder
 
 
 def run_command(

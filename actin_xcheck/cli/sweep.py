@@ -6,12 +6,13 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command, make_folder, report_folder
+from actin_xcheck.cli.options import command
 from actin_xcheck.cli.output import Json, SweepAnswer, say
 from actin_xcheck.cli.progress import Progress
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.executor import jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.studies.folder import make_folder, report_folder
 from actin_xcheck.studies.sweep.carry_out import carry_out, plan
 from actin_xcheck.studies.sweep.table import CSV_NAME, SweepTable
 from actin_xcheck.studies.sweep.task import Numerics

@@ -3,13 +3,25 @@
 import itertools
 import os
 import re
+import sqlite3
 from collections.abc import Container, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
+from errno import ENOLCK, ENOSYS, EOPNOTSUPP
 from pathlib import Path
+from warnings import catch_warnings
 
-from filelock import FileLock, Timeout
+from filelock import BaseFileLock, FileLock, SoftFileLock, Timeout
 
 from actin_xcheck.core.errors import UserError
+
+if os.name == "posix":
+    from fcntl import LOCK_NB, LOCK_SH, flock
+
+_NO_LOCKS = (ENOLCK, ENOSYS, EOPNOTSUPP)
+"""What file systems without locks say: NFS where its lock daemon is not running, some of clusters."""
+
+_PATIENCE = 60.0
+"""Seconds to wait for another process that is at work in a database."""
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -53,17 +65,20 @@ def unfinished(path: Path) -> Path:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
+def locked(path: Path, wait: float = 0.0) -> Iterator[None]:
     """Hold the one lock on an output; UserError where another process has it, or where there can be none.
 
-    The lock is the operating system's and ends with the process, whatever ends that.
+    The lock is the operating system's and ends with the process, whatever ends that.  On a file system
+    without locks it is a file that names the process, which another on the same machine sees to have ended.
     """
     file = path.with_name(f".{path.name}.lock")
-    lock = FileLock(file, timeout=0)
     try:
-        lock.acquire()
+        lock = _acquired(file, wait)
     except Timeout as error:
-        raise UserError(f"{path}: another process is writing it; valid: another name, or to wait") from error
+        where = "" if error.lock_file == str(file) else f", or to remove {error.lock_file} where none is"
+        raise UserError(
+            f"{path}: another process is writing it; valid: another name, or to wait{where}"
+        ) from error
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror or error})") from error
     try:
@@ -76,3 +91,56 @@ def locked(path: Path) -> Iterator[None]:
         with suppress(OSError):  # where an open file cannot be removed it stays
             file.unlink()
         lock.release()
+
+
+def _acquired(file: Path, wait: float) -> BaseFileLock:
+    """A lock that is held; Timeout where another process holds it, OSError where it cannot be made."""
+    lock: BaseFileLock = FileLock(file, timeout=wait)
+    try:
+        with catch_warnings(action="ignore"):  # of no locks at all, where it takes the other kind itself
+            lock.acquire()
+    except Timeout:
+        with suppress(FileExistsError):  # for it takes what can never be made for what is not there yet
+            file.touch(exist_ok=False)
+            file.unlink()
+        raise
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        lock = SoftFileLock(f"{file}.owner", timeout=wait)
+        lock.acquire()
+    return lock
+
+
+@contextmanager
+def database(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
+    """Open a file of SQLite for a moment; with mode "rwc" it is made where there is none, with "rw" not.
+
+    Statements commit by themselves outside of a transaction.  On a file system without locks, on which SQLite
+    waits for ever, ours is held for that moment.
+    """
+    file = Path(path).absolute()
+    lockless = _lockless(file, os.O_RDWR | os.O_CREAT if mode == "rwc" else os.O_RDONLY)
+    address = f"{file.as_uri()}?mode={mode}{'&nolock=1' * lockless}"
+    with (
+        locked(file, _PATIENCE) if lockless else nullcontext(),
+        closing(sqlite3.connect(address, _PATIENCE, isolation_level=None, uri=True)) as rows,
+    ):
+        yield rows
+
+
+def _lockless(file: Path, flags: int) -> bool:
+    """Whether a file is where there are no locks; not, where it cannot be opened."""
+    if os.name != "posix":
+        return False
+    try:
+        number = os.open(file, flags, 0o666)
+    except OSError:
+        return False
+    try:
+        flock(number, LOCK_SH | LOCK_NB)
+    except OSError as error:
+        return error.errno in _NO_LOCKS
+    finally:
+        os.close(number)
+    return False

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array
+from actin_xcheck.report.svg import unstyled
 
 OUTLINE = "#8a8f98"  # seen on white and on black
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"
@@ -136,6 +137,7 @@ class Brush:
         self._triangles, self._rim = triangles, closed_rim(triangles)
         self._outline, self._window, self._dpi = outline, shown, dpi
 
+    @unstyled()
     def panel(self, what: str, x: Array, values: Array, scale: Colours) -> Panel:
         """Draw a cell with node positions x (2, N) and values on triangles (n_cells,)."""
         canvas = Canvas(self._window, self._dpi)

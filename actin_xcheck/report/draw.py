@@ -27,7 +27,7 @@ from actin_xcheck.report.exhibits import (
     Shots,
 )
 from actin_xcheck.report.lattice import Divided, divided
-from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg
+from actin_xcheck.report.svg import INK, STYLES, Style, calm, styled, svg, unstyled
 
 _BANDS = (
     *("#30458c", "#b3b1ab", "#4b1c22", "#7b4fa3", "#34874f", "#b48ad6", "#8fcbe6", "#93386b", "#d9c45a"),
@@ -170,6 +170,7 @@ def _line(axes: Axes, line: Line, style: Style, marker: str) -> Key:
     return Key(line.label, style.colour, style.width)
 
 
+@unstyled()
 def _picture(picture: Picture, path: str) -> Drawing:
     values, scale = picture.values, colours([picture.values])
     n_r, n_theta = values.shape

@@ -7,8 +7,8 @@ and `data-name` is what it is called.
 
 import json
 import re
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
@@ -62,9 +62,20 @@ STYLES = (
 """Lines mostly coincide, so each is drawn thinner than the one before, on top of it; apart for every eye."""
 
 
-def styled() -> AbstractContextManager[None]:
+@contextmanager
+def unstyled() -> Iterator[None]:
+    """A context in which pictures are to be made: matplotlib's own style, whatever a `matplotlibrc` says."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        yield
+
+
+@contextmanager
+def styled() -> Iterator[None]:
     """A context in which figures are to be made and turned into SVG."""
-    return mpl.rc_context(_STYLE)
+    with unstyled():
+        mpl.rcParams.update(_STYLE)
+        yield
 
 
 def calm(axes: Axes) -> None:

@@ -1,8 +1,11 @@
 """One task at a time in a process of its own, which finds everything imported."""
 
 import multiprocessing
+import os
+import tempfile
 from collections.abc import Callable, Iterable
 from contextlib import closing
+from multiprocessing.util import get_temp_dir
 from typing import Any, TypeVar
 
 from actin_xcheck.runs.executor import Lost, Processes, Report
@@ -12,6 +15,9 @@ Result = TypeVar("Result")
 
 _FORKS = "forkserver" in multiprocessing.get_all_start_methods()
 _CONTEXT: Any = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
+
+_LONGEST = 70
+"""Bytes of a folder in which sockets are: a path has 107 at most, macOS 103, and two more names in it."""
 
 _FIRST = "actin_xcheck.runs.forking"
 """Sees to it that the process which imports them ends with this one, even before it is done."""
@@ -37,6 +43,18 @@ def work_alone(work: Callable[[Task, Report], Result], task: Task, report: Repor
 
     Raises whatever `work` raises; Lost where the process ends without an answer.
     """
+    have_room_for_sockets()
     with closing(Processes(1, report, _CONTEXT, attempts=1)) as alone:
         ((_, result),) = alone.results(work, [task])
     return result
+
+
+def have_room_for_sockets() -> None:
+    """Let the sockets of multiprocessing lie where there is room for their paths: TMPDIR may be too long."""
+    usual = tempfile.gettempdir()
+    if os.name == "posix" and len(os.fsencode(usual)) > _LONGEST:
+        tempfile.tempdir = "/tmp"
+        try:
+            get_temp_dir()  # from now on it is this one
+        finally:
+            tempfile.tempdir = usual

@@ -20,6 +20,8 @@ from actin_xcheck.verdicts.judge import again, judge
 from actin_xcheck.verdicts.known_to import KnownTo, keep, known_to
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, attach, triangulate
 
+FILE_NAME = "comparison.h5"
+
 DEFAULT_SCENES = ("mode-11-wall", "static-decay", "growing-disk", "fig14-four-fronts")
 DEFAULT_METHODS = ("fem-p1-paper", "fv-coupled")
 DEFAULT_REFINE = 5
@@ -159,10 +161,10 @@ def compare(
         known[scene.name] = known_to(scene, levels)
     files = {f"{job.scene.name}/{job.method.name}": job.path for job in jobs}
     stated = {"command": command, **store.provenance()}
-    store.write_comparison(folder / "comparison.h5", claims, files, stated)
+    store.write_comparison(folder / FILE_NAME, claims, files, stated)
     coarse = {f"{job.scene.name}/{job.method.name}/{job.coarser}": job.path for job in beside}
-    attach(folder / "comparison.h5", triangles, coarse)
-    keep(folder / "comparison.h5", known)
+    attach(folder / FILE_NAME, triangles, coarse)
+    keep(folder / FILE_NAME, known)
     return claims
 
 

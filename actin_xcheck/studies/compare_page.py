@@ -16,6 +16,7 @@ from actin_xcheck.report.player import film_data
 from actin_xcheck.report.svg import STYLES, Style
 from actin_xcheck.runs.store import Comparison, Run, read_comparison
 from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.studies.compare import FILE_NAME
 from actin_xcheck.studies.compare_triangles import TrianglePicture, triangle_picture
 from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
 from actin_xcheck.verdicts.triangulate import Triangle, read_triangles
@@ -72,7 +73,7 @@ def write_report(folder: Path) -> Path:
     UserError : the comparison or one of its runs is missing or not whole.
     """
     folder = Path(folder)
-    comparison = read_comparison(folder / "comparison.h5")
+    comparison = read_comparison(folder / FILE_NAME)
     template = environment(folder).get_template("page.html")
     known = read_known_to(comparison.path)
     html = template.render(

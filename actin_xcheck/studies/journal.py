@@ -9,7 +9,7 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
@@ -18,13 +18,11 @@ from typing import Any
 import h5py
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import database
 from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.version import code
 
 FILE_NAME = "journal.sqlite"
-
-_TIMEOUT = 60.0
-"""Seconds to wait for another process that reads or writes the same file."""
 
 
 class Journal:
@@ -69,10 +67,10 @@ class Journal:
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
-        """A connection of this moment: nothing of the file is held while a study computes."""
+        """The file for a moment: nothing of it is held while a study computes."""
         try:
-            with closing(sqlite3.connect(self.path, timeout=_TIMEOUT)) as connection, connection:
-                yield connection
+            with database(self.path, "rwc") as rows:
+                yield rows
         except sqlite3.Error as error:
             raise UserError(f"{self.path}: not a journal that can be written ({error})") from error
 

@@ -9,7 +9,7 @@ import math
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import database
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number, Series
 
 DEFAULT_PATH = Path("reports") / "history.sqlite"
@@ -28,9 +29,6 @@ SCHEMA = 1
 
 _APPLICATION = 0x61637869
 """What SQLite files of ours have in their header ("acxi")."""
-
-_TIMEOUT = 60.0
-"""Seconds to wait for another night that is being written."""
 
 _STATED = ("date", "commit", "machine", "command", "budget", "seconds")
 """What the table of nights holds beside the name."""
@@ -247,9 +245,8 @@ def _check(rows: sqlite3.Connection, path: Path) -> None:
 @contextmanager
 def _open(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
     """A connection of this moment; whatever SQLite says against the file becomes one line."""
-    address = f"{Path(path).absolute().as_uri()}?mode={mode}"
     try:
-        with closing(sqlite3.connect(address, _TIMEOUT, isolation_level=None, uri=True)) as rows:
+        with database(path, mode) as rows:
             yield rows
     except sqlite3.Error as error:
         raise UserError(f"{path}: not a whole history, or it cannot be written ({error})") from error
