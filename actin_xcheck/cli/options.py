@@ -3,6 +3,7 @@
 import math
 import shlex
 import sys
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +12,7 @@ import typer
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import CAVEATS
+from actin_xcheck.core.parameters import IN_UNITS, far_from_the_article
 from actin_xcheck.scene.scene import Scene
 
 Refine = Annotated[
@@ -53,6 +55,11 @@ def warn_of(scene: Scene) -> None:
     """Say on standard error what a user must know before believing the scene's results."""
     if caveat := CAVEATS.get(scene.physics.closure):
         print(f"warning: {scene.name}: {caveat}", file=sys.stderr)
+    if scene.dimensional:
+        groups = ", ".join(f"{name} = {value:.4g}" for name, value in asdict(scene.parameters).items())
+        print(f"{scene.name}: [dimensional] makes {groups} (3.1)", file=sys.stderr)
+        for sentence in far_from_the_article(scene.parameters):
+            print(f"warning: {scene.name}: {sentence}; {IN_UNITS}", file=sys.stderr)
 
 
 def check_step(dt: float | None) -> None:
