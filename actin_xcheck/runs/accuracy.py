@@ -213,7 +213,7 @@ class _Climb:
             self.rtol, now = FINER * self.rtol, better
 
     def _share(self, level: Level, now: Run) -> float:
-        """Of the change to a level, the part that is its own error: hardly more than the last halving left."""
+        """Of the change to a level, the part that is its own error, by what the last halving left."""
         coarse, fine = (self.runs.get((level.method.name, level.refine - n)) for n in (2, 1))
         if coarse is None or fine is None or not (gained := self._change(coarse, now)):
             return level.share
