@@ -10,9 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from actin_xcheck.cli import options as command_line
 from actin_xcheck.runs.executor import cores, jobs_asked
 from actin_xcheck.scene.scene import scene_text
+from actin_xcheck.studies import folder as folders
 from actin_xcheck.studies.folder import report_folder
 from tests.processes import posix
 
@@ -225,7 +225,7 @@ def test_reports_of_the_same_second_have_folders_of_their_own(tmp_path, monkeypa
         def now(cls):
             return cls(2026, 3, 4, 5, 6, 7)
 
-    monkeypatch.setattr(command_line, "datetime", Still)
+    monkeypatch.setattr(folders, "datetime", Still)
     monkeypatch.chdir(tmp_path)
     names = [report_folder(None, "compare").name for _ in range(3)]
     assert names == ["compare-20260304-050607", "compare-20260304-050607-2", "compare-20260304-050607-3"]

@@ -9,12 +9,13 @@ import pytest
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.nightly.carry_out import broken
+from actin_xcheck.nightly.carry_out import ended
 from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page
 from actin_xcheck.nightly.history.record import Kind, Night, Number, Series
 from actin_xcheck.nightly.nights import HISTORY, remember
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, NotRun, read_night
 from actin_xcheck.nightly.sparkline import lights, sparkline
+from actin_xcheck.runs.executor import Lost
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
 from tests.chromium import Browser
@@ -57,7 +58,7 @@ def done(check: str, night: int, slope: float) -> Done:
         Number(f"order/{check}", Kind.ORDER, slope, "", file),
     )
     if night == NIGHTS - 1 and check == CHECKS[2]:
-        return broken(check, "broke down: ValueError: <b>no</b> mesh", 1.0)
+        return ended(check, Lost("ValueError: <b>no</b> mesh", killed=False), 1.0)
     return Done(check, claims, (file,) * 3, numbers, 1.0, "", (), "checks")
 
 

@@ -110,7 +110,7 @@ def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
         write_record(file.create_group("strange"), table)
         file["strange"].attrs["class"] = "Chapter"
         with pytest.raises(
-            ValueError, match=r"Plot, Picture, Shots, Outlines, Regions, Sheet, not 'Chapter'"
+            ValueError, match=r"Plot, Picture, Shots, Outlines, Regions, Classes, Sheet, not 'Chapter'"
         ):
             read_record(file["strange"], Exhibit)
 

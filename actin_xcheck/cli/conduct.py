@@ -84,7 +84,6 @@ def carry_out(
     with locked(file), Progress(quiet) as progress:
         if force:
             studies.begin_anew(folder)
-        (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
         with executor(processes_wanted, scheduler) as processes:
             report = studies.carry_out(name, study, folder, command(), processes, progress.report)
         return report, write_page(file)

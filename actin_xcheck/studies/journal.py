@@ -31,12 +31,15 @@ class Journal:
     Parameters
     ----------
     folder : it exists.
-    study : whose answers these are; UserError where the folder has those of another one, or a file that is
-        none.
+    study : whose answers these are; UserError where the folder has those of another one, a report without
+        answers, or a file that is none.
     """
 
     def __init__(self, folder: Path, study: str) -> None:
         self.path = folder / FILE_NAME
+        others = sorted(file.name for file in folder.glob("*.h5"))
+        if others and not self.path.exists():
+            raise UserError(f"--out: {folder} holds {others[0]} already; valid: another folder, or --force")
         with self._open() as rows:
             rows.execute("CREATE TABLE IF NOT EXISTS study (name TEXT)")
             rows.execute("CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, asked TEXT, image BLOB)")

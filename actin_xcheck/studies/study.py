@@ -112,6 +112,7 @@ def carry_out(name: str, study: Study, folder: Path, command: str, processes: Ex
     Raises UserError where the folder has another study, and for tasks whose processes ended every time.
     """
     journal = Journal(folder, name)
+    (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
     report = answered(study, lambda tasks: _answers(tasks, journal, folder, processes, tell, name))
     write_report(folder / f"{name}.h5", name, report, command)
     return report
