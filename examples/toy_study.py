@@ -53,7 +53,6 @@ def decays(steps: Sequence[float]) -> Study:
 
 if __name__ == "__main__":
     out, scheduler = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else None
-    report, page = carry_out(
-        "toy", decays([0.25, 0.125, 0.0625, 0.03125]), out, False, None, scheduler, quiet=False
-    )
+    study = decays([0.25, 0.125, 0.0625, 0.03125])
+    report, page = carry_out("toy", study, out, False, None, scheduler, quiet=False)
     print(f"{report.title}; report: {page}")

@@ -102,8 +102,7 @@ def report_command(folder: Path, json: Json = False) -> None:
     file = study_file(folder)
     found = [page for name, page in _PAGES.items() if (folder / name).exists()]
     if not file and not found:
-        valid = f"{', '.join(_PAGES)} or the file of a study"
-        raise UserError(f"{folder}: {_holds(folder)}; valid: a folder that holds {valid}")
+        raise UserError(f"{folder}: {_holds(folder)}; valid: the folder of a command that writes a report")
     try:
         with np.errstate(all="ignore"):
             page = write_page(file) if file else found[0](folder)

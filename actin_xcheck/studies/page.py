@@ -86,7 +86,7 @@ def write_page(path: Path) -> Path:
 def study_file(folder: Path) -> Path | None:
     """The file of a study in a folder, or one that cannot be opened and may be it; None without either."""
     broken = None
-    for path in sorted(Path(folder).glob("*.h5")):
+    for path in sorted(path for path in Path(folder).glob("*.h5") if path.is_file()):
         try:
             with h5py.File(path) as file:
                 if "study" in file.attrs:
