@@ -2,6 +2,7 @@
 
 import math
 import sys
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -10,6 +11,7 @@ from rich.table import Table
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import CAVEATS
+from actin_xcheck.core.parameters import IN_UNITS, far_from_the_article
 from actin_xcheck.runs.commands import typed
 from actin_xcheck.scene.scene import Scene
 
@@ -47,6 +49,11 @@ def warn_of(scene: Scene) -> None:
     """Say on standard error what a user must know before believing the scene's results."""
     if caveat := CAVEATS.get(scene.physics.closure):
         print(f"warning: {scene.name}: {caveat}", file=sys.stderr)
+    if scene.dimensional:
+        groups = ", ".join(f"{name} = {value:.4g}" for name, value in asdict(scene.parameters).items())
+        print(f"{scene.name}: [dimensional] makes {groups} (3.1)", file=sys.stderr)
+        for sentence in far_from_the_article(scene.parameters):
+            print(f"warning: {scene.name}: {sentence}; {IN_UNITS}", file=sys.stderr)
 
 
 def check_step(dt: float | None) -> None:
