@@ -9,7 +9,7 @@ import numpy as np
 
 import actin_xcheck
 from actin_xcheck.cli.conduct import carry_out
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
@@ -38,6 +38,8 @@ def decays(steps: Sequence[float]) -> Study:
     dt, error = np.array([(row.dt, row.error) for row in rows]).T
     order = np.log2(error[-2] / error[-1])
     claim = Claim(
+        kind=ClaimKind.ORDER_DT,
+        quantity="concentration",
         scene=SCENE,
         methods=(METHOD,),
         statement="the error falls with the first power of dt (distance of the last order from 1)",

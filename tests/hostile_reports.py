@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.report.exhibits import Chapter, Line, Picture, Plot, Sheet
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
@@ -16,6 +15,7 @@ from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.studies.converge.record import Result, write_convergence
 from actin_xcheck.studies.study import Report, write_report
 from actin_xcheck.verdicts.orders import observe
+from tests.claims import claim
 
 
 @functools.cache
@@ -36,9 +36,9 @@ def _comparison(folder: Path) -> Path:
     scene, path = load_scene("static-decay"), folder / "runs" / "decay.vtkhdf"
     path.parent.mkdir()
     run(scene, METHODS["fem-p1-paper"], 1, 0.25, path)
-    claim = Claim(scene.name, ("fem-p1-paper",), "conserves", 1e-15, 1e-12, "compare", "/runs")
+    made = claim("conserves", 1e-15, 1e-12, scene=scene.name, methods=("fem-p1-paper",))
     attributes = {"command": "compare", **provenance()}
-    write_comparison(folder / "comparison.h5", [claim], {f"{scene.name}/fem-p1-paper": path}, attributes)
+    write_comparison(folder / "comparison.h5", [made], {f"{scene.name}/fem-p1-paper": path}, attributes)
     return folder / "comparison.h5"
 
 

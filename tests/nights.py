@@ -13,7 +13,6 @@ import pytest
 import typer
 
 from actin_xcheck.cli import nightly as commands
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
 from actin_xcheck.nightly.checks import Found, NotDecided
@@ -21,7 +20,7 @@ from actin_xcheck.nightly.history.record import Kind, Number
 from actin_xcheck.nightly.plan import Plan
 from actin_xcheck.nightly.record import FILE_NAME, Kept, read_night
 from actin_xcheck.runs.workers import in_turn as in_this_process
-from tests.lab import FEM
+from tests.claims import claim
 from tests.processes import in_turn
 
 ROOT = Path(__file__).parents[1]
@@ -56,8 +55,8 @@ class Stub:
         if self.how == "undecided":
             raise NotDecided("nothing to decide it by")
         (folder / "kept.txt").write_text("a file")
-        claim = Claim("scene", (FEM,), f"claim of {self.name}", self.value, 1.0, "again", "/run/x", "why")
-        return Found((claim,), ("kept.txt",), (Number(f"error/{self.name}", Kind.ERROR, self.value),))
+        made = claim(f"claim of {self.name}", self.value, command="again", path="/run/x", note="why")
+        return Found((made,), ("kept.txt",), (Number(f"error/{self.name}", Kind.ERROR, self.value),))
 
 
 @pytest.fixture

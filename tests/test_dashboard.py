@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.carry_out import ended
 from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page
@@ -19,6 +19,7 @@ from actin_xcheck.runs.executor import Lost
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
 from tests.chromium import Browser
+from tests.claims import claim
 from tests.lab import FEM, FV
 from tests.test_report import SCRIPT, Tags, write_comparison_of_everything
 
@@ -35,30 +36,25 @@ def done(check: str, night: int, slope: float) -> Done:
     file = f"checks/{check[:7]}/comparison.h5"
     rough = 2.0 if night == NIGHTS - 1 and check == CHECKS[1] else 0.5
     claims = (
-        Claim(
-            "static-decay", (FEM,), "total actin obeys the balance", 1e-15, 1e-12, "again", "/run/series/x"
+        claim(
+            "total actin obeys the balance", 1e-15, 1e-12, kind=ClaimKind.CONSERVATION, scene="static-decay"
         ),
-        Claim(
-            f"scene{SCRIPT}",
-            (FEM, FV),
-            f"an order {SCRIPT}",
-            rough,
-            1.0,
-            "again & again",
-            "/studies/y",
-            "note",
+        claim(
+            f"an order {SCRIPT}", rough, kind=ClaimKind.ORDER_H, scene=f"scene{SCRIPT}", methods=(FEM, FV),
+            command="again & again", path="/studies/y", note="note",
         ),
-        Claim(
-            "static-decay", (FV,), "fv agrees with fem at the end", 0.1, np.nan, "again", "/runs/z", SCRIPT
+        claim(
+            "fv agrees with fem", 0.1, np.nan, kind=ClaimKind.AGREEMENT, scene="static-decay", methods=(FV,),
+            note=SCRIPT,
         ),
-    )
+    )  # fmt: skip
     numbers = (
         Number(f"seconds/{check}", Kind.TIME, 1.0 + 0.01 * (night % 3), "s"),
         Number(f"solves/{check}", Kind.COUNT, 100.0 if night < 5 else 150.0),
         Number(f"order/{check}", Kind.ORDER, slope, "", file),
     )
     if night == NIGHTS - 1 and check == CHECKS[2]:
-        return ended(check, Lost("ValueError: <b>no</b> mesh", killed=False), 1.0)
+        return ended(check, Lost("ValueError: <b>no</b> mesh", False), 1.0)
     return Done(check, claims, (file,) * 3, numbers, 1.0, "", (), "checks")
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.film import film_strip
@@ -223,7 +224,7 @@ def compared(folder, methods, scene="growing-disk"):
 
 
 def agreements(claims):
-    return {claim.methods for claim in claims if " agrees with " in claim.statement}
+    return {claim.methods for claim in claims if claim.kind is ClaimKind.AGREEMENT}
 
 
 def test_a_method_is_held_against_every_other_code_and_not_against_its_own(toy, twins, tmp_path):

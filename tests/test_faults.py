@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli.app import main, report_command
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.fidelity import Fidelity
@@ -29,6 +28,7 @@ from fem.space import Space
 from fv.krylov import Operator
 from fv.second_order import FvSecondOrder
 from fv.solver import FvDiamond
+from tests.claims import claim
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
 from tests.studies import carry
@@ -182,7 +182,7 @@ class Red:
     bounded: bool = True
 
     def claims(self, folder):
-        return [Claim("scene", (FV,), "something holds", np.nan, 1.0, "command", "/path")]
+        return [claim("something holds", np.nan, methods=(FV,))]
 
 
 def test_a_check_that_is_red_without_a_fault_catches_nothing(tmp_path):

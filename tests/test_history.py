@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from actin_xcheck.cli.app import app
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.history.database import (
     append,
@@ -25,14 +25,14 @@ from actin_xcheck.nightly.history.database import (
 )
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number
 from actin_xcheck.nightly.history.steps import differences, turned
+from tests.claims import claim
 from tests.histories import NIGHTS, history, night
 from tests.processes import posix
 
 
-def claim(value: float, statement: str = "FEM and FV agree") -> Judged:
-    return Judged(
-        Claim("fig14", ("fem-p1", "fv"), statement, value, 0.02, "compare fig14", "/a", "why"), 3.0, "f"
-    )
+def judged(value: float, kind: ClaimKind = ClaimKind.AGREEMENT) -> Judged:
+    made = claim("so it is", value, 0.02, kind=kind, scene="fig14", methods=("fem-p1", "fv"))
+    return Judged(made, "compare fig14", 3.0, "f")
 
 
 def kept(path, number: int, **values: float) -> Night:
@@ -50,7 +50,7 @@ def test_a_night_comes_back_as_it_went_in(tmp_path):
         Number("order/a", Kind.ORDER, math.inf),
         Number("time/a", Kind.TIME, math.nan, "s"),
     ]
-    assert append(path, given, numbers, [claim(0.01), claim(math.nan, "it ends")]) == replace(given)
+    assert append(path, given, numbers, [judged(0.01), judged(math.nan, ClaimKind.ENDS)]) == replace(given)
     (found,) = read_nights(path)
     assert replace(found.night, seconds=0.0) == replace(given, seconds=0.0)
     assert math.isnan(found.night.seconds)
@@ -58,7 +58,7 @@ def test_a_night_comes_back_as_it_went_in(tmp_path):
     again = read_numbers(path, given.name)
     assert again[:2] == numbers[:2]
     assert math.isnan(again[2].value)
-    assert read_claims(path, given.name)[claim(0.01).key] == claim(0.01)
+    assert read_claims(path, given.name)[judged(0.01).key] == judged(0.01)
 
 
 def test_nights_are_in_the_order_of_their_dates_and_series_follow_them(tmp_path):
@@ -73,7 +73,9 @@ def test_nights_are_in_the_order_of_their_dates_and_series_follow_them(tmp_path)
 
 def test_names_and_keys_given_twice_are_kept_apart(tmp_path):
     path = tmp_path / "h.sqlite"
-    names = [append(path, night(1), [Number("a", Kind.ERROR, 1.0)] * 2, [claim(0.01)] * 2).name for _ in "ab"]
+    names = [
+        append(path, night(1), [Number("a", Kind.ERROR, 1.0)] * 2, [judged(0.01)] * 2).name for _ in "ab"
+    ]
     assert names == ["2026-03-01", "2026-03-01-2"]
     assert [one.key for one in read_numbers(path, names[1])] == ["a", "a-2"]
     assert len(read_claims(path, names[1])) == 2
@@ -179,7 +181,7 @@ def test_files_that_are_no_history_are_one_line(tmp_path):
     path.write_bytes(whole)
     with sqlite3.connect(path) as newer:
         newer.execute("PRAGMA user_version = 99")
-    with pytest.raises(UserError, match="schema 99, but this version reads schema 1"):
+    with pytest.raises(UserError, match="schema 99, but this version reads schema 2"):
         read_nights(path)
 
 
@@ -224,8 +226,8 @@ def test_differences_are_sorted_by_what_is_of_interest():
 
 
 def test_claims_that_turn_are_listed_failures_first():
-    old = {"a": claim(0.01), "b": claim(0.03), "c": claim(0.01), "d": claim(0.01)}
-    new = {"a": claim(0.01), "b": claim(0.01), "c": claim(0.03)}
+    old = {"a": judged(0.01), "b": judged(0.03), "c": judged(0.01), "d": judged(0.01)}
+    new = {"a": judged(0.01), "b": judged(0.01), "c": judged(0.03)}
     assert [(one.key, one.was, one.now) for one in turned(old, new)] == [
         ("c", "PASS", "FAIL"),
         ("b", "FAIL", "PASS"),
@@ -242,7 +244,7 @@ def written(tmp_path_factory):
     through = history(1)
     for at in range(NIGHTS):
         numbers = [Number(one.key, one.kind, float(one.values[at])) for one in through]
-        append(path, night(at + 1), numbers, [claim(0.03 if at >= 50 else 0.01)])
+        append(path, night(at + 1), numbers, [judged(0.03 if at >= 50 else 0.01)])
     return path
 
 
@@ -263,7 +265,7 @@ def test_history_lists_nights_numbers_and_changes(written):
     for first, key in (
         ("2026-04-06", "order/dropped"),
         ("2026-04-14", "time/slower"),
-        ("2026-04-20", "claim/fig14"),
+        ("2026-04-20", "claim/agreement/fig14"),
     ):
         assert any(first in line and key in line for line in steps.splitlines())
     assert "commit 000000000000 -> 000000000000" not in steps

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.report.draw import draw
@@ -20,6 +19,7 @@ from actin_xcheck.runs.store import write_comparison
 from actin_xcheck.scene.expression import MAX_CALLS, Expression, coordinates
 from actin_xcheck.scene.scene import MAX_SIZE, Scene, load_scene, parse_scene
 from actin_xcheck.studies.compare_page import write_report
+from tests.claims import claim
 from tests.hostile import MEGABYTES, campaign, summary
 from tests.hostile_inputs import DOCUMENTS, NAMES, SMALL, TAGS, formula
 from tests.processes import posix
@@ -185,9 +185,10 @@ def _page_with(tag: str, folder: Path) -> str:
     outcome = Outcome(Ending.TANGLED, f"triangle {tag}")
     path, method = folder / "run.vtkhdf", f"fem-{tag.replace('/', '')}"
     write_run(path, "a-scene", method, refine=1, outcome=outcome)
-    claim = Claim("a-scene", (method,), tag, 1.0, 2.0, f"compare {tag}", f"/runs/{tag}", tag)
+    said = {"command": f"compare {tag}", "path": f"/runs/{tag}", "note": tag, "quantity": tag}
+    made = claim(tag, 1.0, 2.0, scene="a-scene", methods=(method,), **said)
     stated = {"command": f"python {tag}", "commit": tag}
-    write_comparison(folder / "comparison.h5", [claim], {"a-scene/m": path}, stated)
+    write_comparison(folder / "comparison.h5", [made], {"a-scene/m": path}, stated)
     return write_report(folder).read_text(encoding="utf-8")
 
 

@@ -164,7 +164,7 @@ def test_a_night_is_kept_in_the_history_once(night, tmp_path):
     assert counted.night.name == f"{datetime.now(UTC):%Y-%m-%d}" == only_night(tmp_path).folder.name
     assert counted.verdicts == {"PASS": 2}
     claims = read_claims(history, counted.night.name)
-    judged = claims[f"scene [{FEM}] claim of one · one"]
+    judged = claims[f"other/scene/{FEM} · one"]
     assert (judged.claim.value, judged.source) == (0.25, "checks/one/kept.txt")
     numbers = {one.key: one.value for one in read_numbers(history, counted.night.name)}
     assert numbers["error/one"] == 0.25

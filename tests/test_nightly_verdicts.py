@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli import nightly as commands
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
 from actin_xcheck.nightly.checks import Checked, Control, Diluted, control
-from actin_xcheck.nightly.groups import Group, group_of, lasting
+from actin_xcheck.nightly.groups import Group, group_of
 from actin_xcheck.nightly.junit import junit
 from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import FILE_NAME
@@ -29,6 +29,7 @@ from actin_xcheck.studies.faults.checks import QUIET, Compared
 from actin_xcheck.studies.faults.fault import ControlError, replaced
 from actin_xcheck.studies.faults.hunt import held_against
 from tests import nights
+from tests.claims import claim
 from tests.lab import FEM, FV
 from tests.nights import ROOT, Stub, only_night
 
@@ -99,8 +100,8 @@ def test_a_baseline_must_not_be_undercut(night, tmp_path, capsys):
     assert night(*worse, baseline=baseline) == 1
     said = capsys.readouterr().out
     assert "no claim's value is twice what it was" in said
-    assert "claim of one · one: 0.2 -> 0.5 (x 2.5)" in said
-    assert "claim of two" not in said
+    assert "claim/other/scene/" + FEM + " · one: 0.2 -> 0.5 (x 2.5)" in said
+    assert " · two: " not in said
     assert night(Stub("one", value=0.19), Stub("new"), baseline=baseline) == 0
 
 
@@ -144,7 +145,7 @@ def test_a_fault_that_nothing_notices_is_missed(night, tmp_path, capsys):
 
 
 def failing(value: float, bound: float = 1.0) -> Claim:
-    return Claim("scene", (FEM,), f"is {value}", value, bound, "command", "/runs/x")
+    return claim(f"is {value}", value, bound)
 
 
 @dataclass(frozen=True)
@@ -179,19 +180,19 @@ def test_a_fault_is_caught_by_a_number_where_there_is_one(checks, by, value):
     held = [Answering(f"check {i}", tuple(claims)) for i, claims in enumerate(checks)]
     caught = held_against((FAULTS["reaction-sign"], held), QUIET)
     assert repr(caught.claim) == repr(by)  # nan is not nan
-    claim = control(caught)
-    assert (claim.value, claim.verdict) == (pytest.approx(value), "PASS")
-    assert ("has no number" in claim.note) == (not np.isfinite(by.value))
+    said = control(caught)
+    assert (said.value, said.verdict) == (pytest.approx(value), "PASS")
+    assert ("has no number" in said.note) == (not np.isfinite(by.value))
 
 
 def test_controls_are_held_against_the_checks_that_reach_them(night, tmp_path):
     controls = [Control(name, 1.0) for name in ("reaction-sign", "fv-leak", "ring-not-fitted")]
     assert night(small(FEM), controls=controls) == 1
     found = {one.name: one for one in only_night(tmp_path).done}
-    claim = found["fault reaction-sign"].claims[0]
-    assert claim.holds
-    assert claim.value < 0.5  # twice the bound or more
-    assert "static-decay" in claim.note
+    (caught,) = found["fault reaction-sign"].claims
+    assert caught.holds
+    assert caught.value < 0.5  # twice the bound or more
+    assert "static-decay" in caught.note
     missed = found["fault fv-leak"].claims[0]  # no check of this night calls it
     assert missed.verdict == "FAIL"
     assert "no green check calls" in missed.note
@@ -218,7 +219,7 @@ def test_volumes_dilute_exactly_and_old_volumes_show(tmp_path):
     check = Diluted((FEM, FV), 2, 10)
 
     def diluted():
-        return [one for one in check.claims(tmp_path) if one.statement.startswith("concentration equals")]
+        return [one for one in check.claims(tmp_path) if one.kind is ClaimKind.GEOMETRY]
 
     with in_this_process():
         right = diluted()
@@ -229,28 +230,16 @@ def test_volumes_dilute_exactly_and_old_volumes_show(tmp_path):
     assert [one.verdict for one in wrong] == ["PASS", "FAIL"]
 
 
-def test_claims_have_a_light_and_words_that_last(tmp_path):
+def test_claims_have_a_light_and_a_key_of_their_own(tmp_path):
     with in_this_process():
-        claims = [lasting(one) for one in Compared("static-decay", (FEM, FV), 2, 10).claims(tmp_path)]
+        claims = Compared("static-decay", (FEM, FV), 2, 10).claims(tmp_path)
     found = {group_of(one) for one in claims}
     assert found == {Group.CONSERVATION, Group.GEOMETRY, Group.EXACT, Group.AGREEMENT, Group.ENDS}
-    triangles = [one for one in claims if one.path.startswith("/triangles/")]
-    assert "both codes and theory agree on area" in [one.statement for one in triangles]
-    assert all(lasting(one) == one for one in claims if not one.path.startswith("/triangles/"))
-    rate = Claim(
-        "s",
-        (FEM,),
-        "mode (1, 1) grows at the predicted rate 16.3 (relative error; measured 16.2)",
-        0,
-        0,
-        "",
-        "",
-    )
-    assert lasting(rate).statement == "mode (1, 1) grows at the predicted rate 16.3 (relative error)"
-    assert lasting(rate).note == "measured 16.2"
-    assert group_of(rate) is Group.MODES
-    order = Claim("s", (FEM,), "the order in h of area is 2: settled", 0, 0, "", "/studies/x")
-    assert (lasting(order).statement, lasting(order).note) == ("the order in h of area is 2", "settled")
+    assert len({one.key for one in claims}) == len(claims)
+    reworded = {replace(one, statement="", note="", path="").key for one in claims}
+    assert reworded == {one.key for one in claims}
+    assert f"triangle/area/static-decay/{FEM}+{FV}" in reworded
+    assert {group_of(claim(kind=kind)) for kind in ClaimKind} == {*Group}
 
 
 @pytest.mark.slow
@@ -262,7 +251,7 @@ def test_a_free_viscoelastic_rim_under_pressure_is_studied(tmp_path):
     ]
     assert studied
     with in_this_process():
-        found = [claim for item in studied for claim in item.find(tmp_path).claims]
+        found = [one for item in studied for one in item.find(tmp_path).claims]
     assert {one.verdict for one in found} == {"PASS"}
     assert {group_of(one) for one in found} == {Group.ORDERS}
 
@@ -297,7 +286,7 @@ def test_a_real_night(tmp_path):
     said = json.loads(done.stdout)
     assert len(said["checks"]) == len(only)
     kept = only_night(tmp_path)
-    groups = {group_of(claim) for claim in kept.claims}
+    groups = {group_of(one) for one in kept.claims}
     assert groups == {*Group} - {Group.OTHER, Group.EXACT, Group.CONTROLS, Group.BASELINE}
     for one in kept.done:
         assert all((kept.folder / file).is_file() for file in one.files if file)
@@ -321,8 +310,8 @@ def test_a_real_night(tmp_path):
     [("fault fv-leak", Group.CONTROLS), ("cost scene m", Group.COST), ("compare scene m", Group.ENDS)],
 )
 def test_what_comes_to_no_verdict_fails_in_its_own_light(check, group):
-    (claim,) = work.ended(check, Lost("was stopped", False), 1.0).claims
-    assert (claim.verdict, group_of(claim), claim.note) == ("FAIL", group, "broke down: was stopped")
+    (said,) = work.ended(check, Lost("was stopped", False), 1.0).claims
+    assert (said.verdict, group_of(said), said.note) == ("FAIL", group, "broke down: was stopped")
 
 
 @dataclass(frozen=True)
@@ -334,8 +323,8 @@ class Silent:
 
     def claims(self, folder: Path) -> list[Claim]:
         return [
-            Claim("scene", (FEM,), "holds", 0.0, 1.0, "command", "/runs/scene"),
-            Claim("scene", (FEM,), "the order in h of area is 2", 0.1, np.nan, "command", "/studies/key"),
+            claim(),
+            claim("the order in h of area is 2", 0.1, np.nan, kind=ClaimKind.ORDER_H),
         ]
 
 

@@ -17,7 +17,7 @@ from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 from vtk.util.numpy_support import vtk_to_numpy
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.contract import Frame
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.lagrange import areas as lagrange_areas
@@ -36,12 +36,16 @@ from actin_xcheck.runs.store import (
     write_comparison,
 )
 from actin_xcheck.runs.vtkhdf import Film
+from tests.claims import claim
 from tests.lab import scene_of
 from tests.processes import posix
 
 TIMES = (0.0, 0.25, 1.0)
 ATTRIBUTES = {name: f"some {name}" for name in RUN_ATTRIBUTES} | {"refine": 2, "dt": 0.25, "seed": 7}
-CLAIM = Claim("ψ-scene", ("fem-p1", "fv"), "Area ≤ exact.", 1.5e-3, 2e-3, "python -m …", "/runs/s/m", "h²")
+CLAIM = claim(
+    "Area ≤ exact.", 1.5e-3, 2e-3, kind=ClaimKind.EXACT, quantity="area", scene="ψ-scene",
+    methods=("fem-p1", "fv"), command="python -m …", path="/runs/s/m", note="h²",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -359,7 +363,7 @@ def test_a_comparison_is_read_back_after_its_folder_moved(tmp_path: Path, mesh: 
     paths = {f"{scene}/fem-p1": folder / "runs" / f"{scene}.vtkhdf" for scene in ("zeta", "alpha")}
     for path in paths.values():
         write(path, mesh)
-    failed = Claim("alpha", ("fem-p1",), "Never.", float("nan"), 1.0, "true", "/runs/alpha/fem-p1")
+    failed = claim("Never.", float("nan"), scene="alpha", methods=("fem-p1",))
     write_comparison(folder / "comparison.h5", [CLAIM, failed], paths, {"commit": "abc"})
     folder.rename(tmp_path / "two")
 
@@ -387,7 +391,7 @@ def test_a_comparison_without_one_of_its_runs_is_refused(tmp_path: Path, mesh: M
     [(1.0, "PASS"), (2.0, "PASS"), (2.0000001, "FAIL"), (float("nan"), "FAIL"), (float("-inf"), "FAIL")],
 )
 def test_a_claim_holds_if_its_value_is_finite_and_within_the_bound(value: float, verdict: str) -> None:
-    assert Claim("s", (), "…", value, 2.0, "", "").verdict == verdict
+    assert claim("…", value, 2.0).verdict == verdict
 
 
 @posix

@@ -22,6 +22,7 @@ from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies.page import study_file, write_page
 from actin_xcheck.studies.study import Report, Table, Task, answered, counted
+from tests.claims import claim
 from tests.processes import cluster
 from tests.studies import InTurn, carry
 
@@ -53,14 +54,14 @@ def squares(numbers):
     """Asks twice: the second time for what the first answers say."""
     first = yield [Task(square, number, seconds=abs(number)) for number in numbers]
     second = yield [Task(square, 100 + one.number) for one in first]
-    claim = Claim("none", (), "squares are positive", -min(one.value for one in first), 0.0, "", "/tables")
+    made = claim("squares are positive", -min(one.value for one in first), 0.0, methods=())
     plot = Plot("plot", "Squares", "", "n", (Line("n", np.arange(2.0), np.arange(2.0)),))
     chapters = (Chapter("all", "All", "", (plot,)),)
     return Report(
-        counted([claim], "Squares"),
+        counted([made], "Squares"),
         "By hand.",
         {"squares": Table("Squares", [*first, *second])},
-        (claim,),
+        (made,),
         ("they are",),
         chapters,
     )

@@ -7,7 +7,6 @@ import pytest
 import typer
 
 from actin_xcheck.cli.compare import compare_command
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
@@ -19,6 +18,7 @@ from actin_xcheck.verdicts.judge import judge, reference_errors
 from actin_xcheck.verdicts.known import known
 from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
 from actin_xcheck.verdicts.triangulate import Levels, triangulate
+from tests.claims import claim
 from tests.lab import FEM, FV
 from tests.test_report import Tags
 
@@ -58,8 +58,8 @@ def still(tmp_path_factory):
 
 def of_probes(text, run):
     claims = judge(parse_scene(SCENE.format(text), "still.toml"), {FEM: run})
-    assert {one.verdict for one in claims if "probes" not in one.statement} == {"PASS"}
-    return [one for one in claims if "probes" in one.statement]
+    assert {one.verdict for one in claims if one.quantity != "probe_a"} == {"PASS"}
+    return [one for one in claims if one.quantity == "probe_a"]
 
 
 def test_what_is_judged_is_judged_where_other_probes_and_times_are_not(still):
@@ -101,8 +101,8 @@ def test_a_study_of_the_last_time_has_no_bound_for_what_is_not_judged_then(tmp_p
     ("value", "said"), [(0.25, "0.25 > 0.1"), (np.inf, "inf > 0.1"), (np.nan, "there is no number")]
 )
 def test_why_a_claim_fails(value, said):
-    claim = Claim("scene", (FEM,), "holds", value, 0.1, "command", "/runs")
-    assert (claim.verdict, claim.excess) == ("FAIL", said)
+    failed = claim("holds", value, 0.1)
+    assert (failed.verdict, failed.excess) == ("FAIL", said)
 
 
 def test_where_there_is_nothing_to_compare_that_is_what_is_said(still):

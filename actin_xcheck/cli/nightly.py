@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -16,7 +16,7 @@ import typer
 from actin_xcheck.cli.options import command
 from actin_xcheck.cli.output import Answer, Json, say
 from actin_xcheck.cli.progress import Progress
-from actin_xcheck.core.claim import excess
+from actin_xcheck.core.claim import ClaimKind, excess
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked, replace_file
 from actin_xcheck.nightly.baseline import against
@@ -59,6 +59,10 @@ class FailedClaim(Answer):
 
     check: str
     group: str
+    key: str
+    """Its name, which is the same every night and whatever its statement says."""
+    kind: ClaimKind
+    quantity: str
     scene: str
     methods: tuple[str, ...]
     statement: str
@@ -264,15 +268,11 @@ def _missed(kept: Kept) -> Done | None:
 def _answer(kept: Kept, page: Path) -> NightAnswer:
     verdicts = Counter(claim.verdict for claim in kept.claims)
     failing = [
-        FailedClaim(
-            check=done.name, group=group_of(claim), scene=claim.scene, methods=claim.methods,
-            statement=claim.statement, value=claim.value, bound=claim.bound, note=claim.note,
-            command=claim.command, file=file, path=claim.path,
-        )
+        FailedClaim(check=done.name, group=group_of(claim), key=claim.key, file=file, **asdict(claim))
         for done in kept.done
         for claim, file in zip(done.claims, done.files, strict=True)
         if claim.verdict == "FAIL" and not done.trouble
-    ]  # fmt: skip
+    ]
     return NightAnswer(
         night=kept.begun.name,
         folder=str(kept.folder),

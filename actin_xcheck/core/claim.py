@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 
 def excess(value: float, bound: float) -> str:
@@ -9,12 +10,44 @@ def excess(value: float, bound: float) -> str:
     return "there is no number" if math.isnan(value) else f"{value:.3g} > {bound:.3g}"
 
 
-@dataclass(frozen=True)
+class ClaimKind(StrEnum):
+    """What a claim asserts, whatever its sentence says."""
+
+    CONSERVATION = "conservation"
+    GEOMETRY = "geometry"
+    """Volumes alone change the concentration."""
+    EXACT = "exact"
+    GROWTH_RATE = "growth rate"
+    REFERENCE = "reference"
+    AGREEMENT = "agreement"
+    """Of methods with each other."""
+    TRIANGLE = "triangle"
+    """Two codes and, where there is one, theory."""
+    ORDER_H = "order in h"
+    ORDER_DT = "order in dt"
+    REDUCTION = "reduction"
+    """A smaller model gives what the whole one gives."""
+    TOLERANCE = "tolerance"
+    ENDS = "ends"
+    """A run ends, or a check comes to a verdict."""
+    CONTROL = "control"
+    """A deliberate fault is caught."""
+    CLEAN = "clean"
+    """Without a fault a check is green."""
+    COST = "cost"
+    BASELINE = "baseline"
+    """No number is worse than in an earlier night."""
+    OTHER = "other"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Claim:
     """A statement about the runs of one scene that either holds or does not.
 
     Attributes
     ----------
+    kind : what it asserts.
+    quantity : of what, such as "area"; empty where the kind says it all.
     scene : name of the scene.
     methods : names of the methods it is about.
     statement : one sentence for a reader who knows the article.
@@ -25,6 +58,8 @@ class Claim:
     note : where the bound comes from, or any caveat.
     """
 
+    kind: ClaimKind
+    quantity: str = ""
     scene: str
     methods: tuple[str, ...]
     statement: str
@@ -33,6 +68,11 @@ class Claim:
     command: str
     path: str
     note: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name, which lasts when the sentence is improved, such as "reference/area/fig14/fem-p1+fv"."""
+        return "/".join(filter(None, (self.kind, self.quantity, self.scene, "+".join(self.methods))))
 
     @property
     def judged(self) -> bool:

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from actin_xcheck.core.claim import Claim
-from actin_xcheck.nightly.groups import BASELINE
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number
 from actin_xcheck.nightly.history.steps import Difference, differences
 
@@ -59,14 +58,16 @@ def against(
 
 def _nothing_in_common(night: Night, again: str) -> Claim:
     return Claim(
-        "baseline",
-        (),
-        "there are numbers to compare",
-        math.nan,
-        0.0,
-        again,
-        f"{BASELINE}common",
-        f"nothing in common with {night.name}: no number that it has was found here",
+        kind=ClaimKind.BASELINE,
+        quantity="common",
+        scene="baseline",
+        methods=(),
+        statement="there are numbers to compare",
+        value=math.nan,
+        bound=0.0,
+        command=again,
+        path="/baseline/common",
+        note=f"nothing in common with {night.name}: no number that it has was found here",
     )
 
 
@@ -84,13 +85,15 @@ def _worse(one: Difference) -> bool:
 def _claim(night: Night, again: str, kind: Kind, worse: Sequence[Difference], compared: int) -> Claim:
     listed = "; ".join(f"{one.key}: {one.change}" for one in worse if one.weight >= 1)
     return Claim(
-        "baseline",
-        (),
-        _SAID[kind],
-        max((one.weight for one in worse), default=0.0),
-        1.0,
-        again,
-        f"{BASELINE}{kind}",
-        f"against {night.name}: {listed or f'{compared} numbers compared'}; "
+        kind=ClaimKind.BASELINE,
+        quantity=kind,
+        scene="baseline",
+        methods=(),
+        statement=_SAID[kind],
+        value=max((one.weight for one in worse), default=0.0),
+        bound=1.0,
+        command=again,
+        path=f"/baseline/{kind}",
+        note=f"against {night.name}: {listed or f'{compared} numbers compared'}; "
         "value: largest change over the smallest of interest",
     )

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.nightly import groups
@@ -85,12 +85,13 @@ class Checked:
         with watched(targets) as calls:
             claims = self.check.claims(folder)
         # an order that was claimed and can no longer be read off has not held
-        silent = [claim for claim in claims if not claim.judged and claim.path.startswith("/studies/")]
+        orders = [claim for claim in claims if groups.group_of(claim) is groups.Group.ORDERS]
+        silent = [claim for claim in orders if not claim.judged]
         if silent or not any(claim.judged for claim in claims):
             said = f"{len(silent)} of its orders came to no" if silent else "none of its claims came to a"
             claims = [*claims, groups.no_verdict(self.name, f"{said} verdict")]
         reached = tuple(target for target, one in calls.items() if one.count)
-        places = [located(groups.lasting(claim), folder) for claim in claims]
+        places = [located(claim, folder) for claim in claims]
         return Found(
             tuple(claim for _, claim in places),
             tuple(file for file, _ in places),
@@ -161,14 +162,15 @@ class Costed:
         kernels = float(np.median(sample.wall) / (before + reference_kernel())[0] * 2)
         command = point.command(scene)
         claim = Claim(
-            self.scene,
-            (self.method,),
-            f"completes, and is measured (refine {self.refine})",
-            0.0 if sample.ending == Ending.COMPLETED else math.nan,
-            0.0,
-            command,
-            f"{groups.COST}{self.method}",
-            sample.message
+            kind=ClaimKind.COST,
+            scene=self.scene,
+            methods=(self.method,),
+            statement=f"completes, and is measured (refine {self.refine})",
+            value=0.0 if sample.ending == Ending.COMPLETED else math.nan,
+            bound=0.0,
+            command=command,
+            path=f"/cost/{self.method}",
+            note=sample.message
             or f"{kernels:.1f} reference kernels, {sample.seconds:.3g} s, {sample.steps} steps",
         )
         return Found((claim,), ("",), tuple(_costs(self.name, sample, kernels, command)))
@@ -185,8 +187,9 @@ def _costs(name: str, sample: Sample, kernels: float, command: str) -> list[Numb
     ]
 
 
+DILUTION = "uniform-dilution"
 DILUTION_TEXT = f"""
-name = "{groups.DILUTION}"
+name = "{DILUTION}"
 source = "Volumes alone change a: a constant concentration on a cell that grows and is sheared"
 [parameters]
 psi = 0
@@ -218,13 +221,17 @@ class Diluted:
     @property
     def name(self) -> str:
         """The words of the command."""
-        return " ".join(["compare", groups.DILUTION, *self.methods, f"refine {self.refine}"])
+        return " ".join(["compare", DILUTION, *self.methods, f"refine {self.refine}"])
 
     def claims(self, folder: Path) -> list[Claim]:
-        """What is claimed of each run and of both."""
-        place = folder / f"{groups.DILUTION}.toml"
+        """What is claimed of each run and of both: that the exact solution is met is a matter of volumes."""
+        place = folder / f"{DILUTION}.toml"
         place.write_text(DILUTION_TEXT, encoding="utf-8")
-        return Compared(str(place), self.methods, self.refine, self.steps).claims(folder)
+        claims = Compared(str(place), self.methods, self.refine, self.steps).claims(folder)
+        return [
+            replace(claim, kind=ClaimKind.GEOMETRY) if claim.kind is ClaimKind.EXACT else claim
+            for claim in claims
+        ]
 
 
 def night_long(fault: str) -> AbstractContextManager[Calls]:

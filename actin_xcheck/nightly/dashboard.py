@@ -234,10 +234,8 @@ def _verdicts(claims: dict[str, Judged]) -> dict[Group, Counter[str]]:
 class _Trend:
     """A claim of the last night with its line through all nights."""
 
-    key: str
     judged: Judged
     group: Group
-    statement: str
     line: str
 
     @property
@@ -252,10 +250,9 @@ def _by_check(
     """The claims of the last night by their checks, checks with red ones first."""
     found: dict[str, list[_Trend]] = {}
     for key, one in claims.items():
-        statement, _, check = one.claim.statement.rpartition(" · ")
         known = f"claim/{key}"
         line = sparkline(series[known], when.get(known, ())) if known in series else ""
-        found.setdefault(check, []).append(_Trend(key, one, group_of(one.claim), statement, line))
+        found.setdefault(one.check, []).append(_Trend(one, group_of(one.claim), line))
     return dict(
         sorted(found.items(), key=lambda item: (not any(t.state == "fail" for t in item[1]), item[0]))
     )

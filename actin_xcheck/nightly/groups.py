@@ -1,11 +1,9 @@
 """What a claim is about: the lights of a night."""
 
 import math
-import re
-from dataclasses import replace
 from enum import StrEnum
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.runs.commands import command
 
 
@@ -27,75 +25,45 @@ class Group(StrEnum):
     OTHER = "other"
 
 
-DILUTION = "uniform-dilution"
-"""Name of the scene in which volumes alone change the concentration."""
-
-FAULTS = "/faults/"
-"""Where the path of a negative control begins."""
-
-COST = "/cost/"
-"""The same of a measured cost."""
-
-BASELINE = "/baseline/"
-"""And of a comparison with another night."""
-
-_PLACES = {
-    "/studies/": Group.ORDERS,
-    FAULTS: Group.CONTROLS,
-    COST: Group.COST,
-    BASELINE: Group.BASELINE,
-}
-
-_WORDS = {
-    "total actin obeys": Group.CONSERVATION,
-    "concentration equals the exact": Group.EXACT,
-    "mode (": Group.MODES,
-    "area equals the reference": Group.REFERENCE,
-    "total actin equals the reference": Group.REFERENCE,
-    "concentration at the probes equals": Group.REFERENCE,
-    "positions of the probes equal": Group.REFERENCE,
-    "a sector and the whole": Group.REDUCTIONS,
-    "steps chosen by": Group.REDUCTIONS,
-    "runs to its end": Group.ENDS,
-    "comes to a verdict": Group.ENDS,
+_LIGHTS = {
+    ClaimKind.CONSERVATION: Group.CONSERVATION,
+    ClaimKind.GEOMETRY: Group.GEOMETRY,
+    ClaimKind.EXACT: Group.EXACT,
+    ClaimKind.GROWTH_RATE: Group.MODES,
+    ClaimKind.REFERENCE: Group.REFERENCE,
+    ClaimKind.AGREEMENT: Group.AGREEMENT,
+    ClaimKind.TRIANGLE: Group.AGREEMENT,
+    ClaimKind.ORDER_H: Group.ORDERS,
+    ClaimKind.ORDER_DT: Group.ORDERS,
+    ClaimKind.REDUCTION: Group.REDUCTIONS,
+    ClaimKind.TOLERANCE: Group.REDUCTIONS,
+    ClaimKind.ENDS: Group.ENDS,
+    ClaimKind.CONTROL: Group.CONTROLS,
+    ClaimKind.CLEAN: Group.CONTROLS,
+    ClaimKind.COST: Group.COST,
+    ClaimKind.BASELINE: Group.BASELINE,
+    ClaimKind.OTHER: Group.OTHER,
 }
 
 
 def group_of(claim: Claim) -> Group:
-    """The light of a claim, by where its numbers stand and how it begins."""
-    if claim.scene == DILUTION and "exact solution" in claim.statement:
+    """The light of a claim; codes and theory that agree on the area have moved the cell alike."""
+    if claim.kind is ClaimKind.TRIANGLE and claim.quantity == "area":
         return Group.GEOMETRY
-    if claim.path.startswith("/triangles/"):
-        return Group.GEOMETRY if claim.path.endswith("--area") else Group.AGREEMENT
-    for place, group in _PLACES.items():
-        if claim.path.startswith(place):
-            return group
-    if " agrees with " in claim.statement:
-        return Group.AGREEMENT
-    return next((group for words, group in _WORDS.items() if claim.statement.startswith(words)), Group.OTHER)
+    return _LIGHTS[claim.kind]
 
 
 def no_verdict(check: str, trouble: str) -> Claim:
     """What fails where a check broke down: it has the light of what it would have judged."""
-    kind, _, subject = check.partition(" ")
-    path = {"fault": FAULTS, "cost": COST}.get(kind, "/")
-    again = command("nightly", only=check)
-    name = subject if kind == "fault" else check
-    return Claim(name, (), "comes to a verdict", math.nan, 0.0, again, f"{path}{subject}", trouble)
-
-
-def lasting(claim: Claim) -> Claim:
-    """The claim with a statement that is the same every night; what was measured goes into the note."""
-    if claim.path.startswith("/triangles/"):
-        quantity = claim.path.rsplit("--", 1)[-1].replace("_", " ")
-        return _said(claim, f"both codes and theory agree on {quantity}", claim.statement)
-    if claim.path.startswith("/studies/"):
-        statement, _, reason = claim.statement.partition(": ")
-        return _said(claim, statement, reason)
-    if measured := re.search(r"; (measured [^)]*)\)", claim.statement):
-        return _said(claim, claim.statement.replace(measured[0], ")"), measured[1])
-    return claim
-
-
-def _said(claim: Claim, statement: str, more: str) -> Claim:
-    return replace(claim, statement=statement, note="; ".join(part for part in (more, claim.note) if part))
+    what, _, subject = check.partition(" ")
+    return Claim(
+        kind={"fault": ClaimKind.CONTROL, "cost": ClaimKind.COST}.get(what, ClaimKind.ENDS),
+        scene=subject if what == "fault" else check,
+        methods=(),
+        statement="comes to a verdict",
+        value=math.nan,
+        bound=0.0,
+        command=command("nightly", only=check),
+        path=f"/{subject}",
+        note=trouble,
+    )

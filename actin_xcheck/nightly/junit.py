@@ -38,8 +38,7 @@ def _suite(root: ET.Element, done: Done, night: Kept) -> None:
     if math.isfinite(done.seconds):  # of a lost process nobody knows
         suite.set("time", f"{done.seconds:.3f}")
     for claim, file in zip(done.claims, done.files, strict=True):
-        name = f"{claim.scene} [{', '.join(claim.methods)}] {claim.statement}"
-        case = ET.SubElement(suite, "testcase", _case(done.name, name))
+        case = ET.SubElement(suite, "testcase", _case(done.name, claim.key))
         if done.trouble:
             ET.SubElement(case, "error", _clean({"message": done.trouble, "type": "trouble"}))
         elif claim.verdict == "FAIL":
@@ -61,7 +60,7 @@ def _case(check: str, name: str) -> dict[str, str]:
 
 
 def _text(claim: Claim, file: str) -> str:
-    return _NO_XML.sub("?", "\n".join((claim.note, claim.command, f"{file}{claim.path}")))
+    return _NO_XML.sub("?", "\n".join((claim.statement, claim.note, claim.command, f"{file}{claim.path}")))
 
 
 def _clean(attributes: dict[str, str]) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 import platform
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -60,10 +59,10 @@ def machine() -> str:
 
 
 def judged_in(done: tuple[Done, ...]) -> Iterator[Judged]:
-    """The claims of a night as the history keeps them, told apart by their checks."""
+    """The claims of a night as the history keeps them."""
     for one in done:
         for claim, file in zip(one.claims, one.files, strict=True):
-            yield Judged(replace(claim, statement=f"{claim.statement} · {one.name}"), one.seconds, file)
+            yield Judged(claim, one.name, one.seconds, file)
 
 
 def numbers_of(kept: Kept) -> Iterator[Number]:

@@ -131,9 +131,9 @@ def past(history: Path) -> Past:
         return Past()
     last = [read_claims(history, one.night.name) for one in read_nights(history)[-MEMORY_OF:]]
     elsewhere = {
-        key.rpartition(" · ")[2]: one.seconds
+        one.check: one.seconds
         for night in last
-        for key, one in night.items()
+        for one in night.values()
         if np.isfinite([one.seconds, one.claim.value]).all()  # what hung says nothing
     }
     whole = {_name(one.key): one for one in read_series(history, "seconds/*")}

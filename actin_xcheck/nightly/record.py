@@ -14,6 +14,7 @@ from typing import Any
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.nightly.history.record import Kind, Number
 
 FILE_NAME = "night.jsonl"
@@ -59,8 +60,7 @@ class Done:
     Attributes
     ----------
     name : of the check.
-    claims : what came out; their texts are the same every night, what varies stands in the notes.  Where the
-        check broke down there is one, which fails.
+    claims : what came out; where the check broke down there is one, which fails.
     files : of each claim, relative to the night's folder: what holds the number; empty where nothing is kept.
     numbers : what goes to the history beside the claims.
     seconds : wall time.
@@ -210,10 +210,7 @@ def _float(value: float | str | None) -> float:
 
 def _done(said: dict[str, Any]) -> Done:
     claims = tuple(
-        Claim(
-            **one
-            | {"methods": tuple(one["methods"]), "value": _float(one["value"]), "bound": _float(one["bound"])}
-        )
+        claim_of(one | {"value": _float(one["value"]), "bound": _float(one["bound"])})
         for one in said["claims"]
     )
     numbers = tuple(

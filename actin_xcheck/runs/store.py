@@ -16,7 +16,7 @@ import re
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -34,6 +34,7 @@ from actin_xcheck.core.files import replace_file, unfinished
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.runs import vtkhdf
 
 SCHEMA = 1
@@ -294,7 +295,7 @@ def read_comparison(path: Path) -> Comparison:
     """
     with reading(path, "comparison") as file:
         attributes = dict(file.attrs)
-        claims = tuple(_claim(group.attrs) for group in file["claims"].values())
+        claims = tuple(claim_of(group.attrs) for group in file["claims"].values())
         links = {
             f"{scene}/{method}": methods.get(method, getlink=True).filename
             for scene, methods in file["runs"].items()
@@ -401,9 +402,3 @@ def state(group: h5py.Group, attributes: Mapping[str, Any]) -> None:
     for name, value in attributes.items():
         text = isinstance(value, str | tuple)
         group.attrs.create(name, value, dtype=h5py.string_dtype() if text else None)
-
-
-def _claim(stored: h5py.AttributeManager) -> Claim:
-    """The claim in a group's attributes; KeyError where one is missing."""
-    values = {field.name: stored[field.name] for field in fields(Claim)}
-    return Claim(**values | {"methods": tuple(values["methods"])})

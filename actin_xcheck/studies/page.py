@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 
 from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.unnamed import Unnamed
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibit_file import read_chapters
@@ -51,7 +52,7 @@ def write_page(path: Path) -> Path:
     path = Path(path)
     with reading(path, "report of a study") as file:
         said: dict[str, Any] = dict(file.attrs)
-        claims = read_table(file["claims"], Claim)
+        claims = _claims(file["claims"])
         chapters = read_chapters(file["exhibits"])
         tables = [_shown(name, group) for name, group in file["tables"].items()]
     drawn = [
@@ -94,6 +95,13 @@ def study_file(folder: Path) -> Path | None:
         except Exception:  # the library has its own for every way in which a file can be damaged
             broken = path
     return broken
+
+
+def _claims(group: h5py.Group) -> list[Claim]:
+    """The claims of a report, whether or not it was written before they had kinds."""
+    if "kind" in group or not len(group):
+        return read_table(group, Claim)
+    return [one.named for one in read_table(group, Unnamed)]
 
 
 def _shown(name: str, group: h5py.Group) -> Shown:

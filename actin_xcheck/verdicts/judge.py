@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from actin_xcheck.core import lagrange
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.commands import command
@@ -54,6 +54,7 @@ def keeps_tolerance(scene: Scene, method: str, run: Run, tighter: Run) -> Claim:
     """
     rtol = float(run.attributes["rtol"])
     return _difference(
+        ClaimKind.TOLERANCE,
         scene,
         method,
         (run, tighter),
@@ -69,20 +70,31 @@ def same_as_whole(scene: Scene, method: str, part: Run, whole: Run) -> Claim:
     statement = (
         "a sector and the whole cell are the same (largest difference of area, total actin and probes)"
     )
-    return _difference(
-        scene, method, (part, whole), statement, SAME, "one differs from the other in round-off"
-    )
+    note = "one differs from the other in round-off"
+    return _difference(ClaimKind.REDUCTION, scene, method, (part, whole), statement, SAME, note)
 
 
 def _difference(
-    scene: Scene, method: str, runs: tuple[Run, Run], statement: str, bound: float, note: str
+    kind: ClaimKind,
+    scene: Scene,
+    method: str,
+    runs: tuple[Run, Run],
+    statement: str,
+    bound: float,
+    note: str,
 ) -> Claim:
     """What two runs by one method must not differ by at the output times; no number where one failed."""
     completed = all(run.attributes["outcome"] == "completed" for run in runs)
-    value = change(*runs, scene.output_times) if completed else np.nan
-    path = _path(scene, method, "run/series")
     return Claim(
-        scene.name, (method,), statement, value, bound, str(runs[0].attributes["command"]), path, note
+        kind=kind,
+        scene=scene.name,
+        methods=(method,),
+        statement=statement,
+        value=change(*runs, scene.output_times) if completed else np.nan,
+        bound=bound,
+        command=str(runs[0].attributes["command"]),
+        path=_path(scene, method, "run/series"),
+        note=note,
     )
 
 
@@ -137,18 +149,21 @@ class _Judge:
         """Yield completion, conservation and whatever the scene's `[expect]` names."""
         series, end = self.run.series, self.scene.output_times[-1]
         yield self._claim(
-            f"runs to its end t = {end:g}",
-            end - float(series["time"][-1]),
-            0.0,
-            "run/series/time",
-            str(self.run.attributes["message"]) or "value: the time missing at the end",
+            kind=ClaimKind.ENDS,
+            statement=f"runs to its end t = {end:g}",
+            value=end - float(series["time"][-1]),
+            bound=0.0,
+            path="run/series/time",
+            note=str(self.run.attributes["message"]) or "value: the time missing at the end",
         )
         yield self._claim(
-            "total actin obeys the scheme's balance at every step",
-            float(np.abs(series["balance_residual"]).max()),
-            CONSERVATION_BOUND,
-            "run/series/balance_residual",
-            "largest |balance_residual|, relative to total actin",
+            kind=ClaimKind.CONSERVATION,
+            quantity="total_actin",
+            statement="total actin obeys the scheme's balance at every step",
+            value=float(np.abs(series["balance_residual"]).max()),
+            bound=CONSERVATION_BOUND,
+            path="run/series/balance_residual",
+            note="largest |balance_residual|, relative to total actin",
         )
         expect = self.scene.expect
         if expect.exact is not None:
@@ -158,16 +173,29 @@ class _Judge:
         if expect.reference is not None:
             yield from self._reference()
 
-    def _claim(self, statement: str, value: float, bound: float, what: str, note: str) -> Claim:
+    def _claim(
+        self,
+        *,
+        kind: ClaimKind,
+        quantity: str = "",
+        statement: str,
+        value: float,
+        bound: float,
+        path: str,
+        note: str,
+    ) -> Claim:
+        """A claim about the run, in whose file `path` is."""
         return Claim(
-            self.scene.name,
-            (self.method,),
-            statement,
-            value,
-            bound,
-            again(self.scene, self.run),
-            _path(self.scene, self.method, what),
-            note,
+            kind=kind,
+            quantity=quantity,
+            scene=self.scene.name,
+            methods=(self.method,),
+            statement=statement,
+            value=value,
+            bound=bound,
+            command=again(self.scene, self.run),
+            path=_path(self.scene, self.method, path),
+            note=note,
         )
 
     def _completed(self) -> bool:
@@ -177,13 +205,14 @@ class _Judge:
         expected = self.scene.expect.exact
         assert expected is not None
         bound, note = _bound(expected.bound, self.run)
-        error = l2_error(self.scene, self.run) if self._completed() else np.nan
         return self._claim(
-            "concentration equals the exact solution at the end (relative L2 error)",
-            error,
-            bound,
-            "VTKHDF/CellData/a",
-            note,
+            kind=ClaimKind.EXACT,
+            quantity="concentration",
+            statement="concentration equals the exact solution at the end (relative L2 error)",
+            value=l2_error(self.scene, self.run) if self._completed() else np.nan,
+            bound=bound,
+            path="VTKHDF/CellData/a",
+            note=note,
         )
 
     def _growth(self) -> Claim:
@@ -202,12 +231,14 @@ class _Judge:
             except ValueError as error:  # too few samples, or no such exponentials: no number, no proof
                 note = f"{error}; {note}"
         return self._claim(
-            f"mode ({expected.m}, {expected.n}) grows at the predicted rate {_complex(rate)} "
+            kind=ClaimKind.GROWTH_RATE,
+            quantity="growth_rate",
+            statement=f"mode ({expected.m}, {expected.n}) grows at the predicted rate {_complex(rate)} "
             f"({'relative error' if rate else 'error'}; measured {_complex(measured)})",
-            abs(measured - rate) / (abs(rate) or 1.0),
-            bound,
-            "run/series/mode_amplitude",
-            note,
+            value=abs(measured - rate) / (abs(rate) or 1.0),
+            bound=bound,
+            path="run/series/mode_amplitude",
+            note=note,
         )
 
     def _reference(self) -> Iterator[Claim]:
@@ -225,11 +256,13 @@ class _Judge:
             if judged is not None and quantity in errors:
                 bound, note = _bound(judged, self.run)
                 yield self._claim(
-                    f"{words}, largest over the output times)",
-                    errors[quantity],
-                    bound,
-                    f"run/series/{quantity}",
-                    f"{note}; {expected.origin}",
+                    kind=ClaimKind.REFERENCE,
+                    quantity=quantity,
+                    statement=f"{words}, largest over the output times)",
+                    value=errors[quantity],
+                    bound=bound,
+                    path=f"run/series/{quantity}",
+                    note=f"{note}; {expected.origin}",
                 )
 
 
@@ -293,14 +326,16 @@ def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> It
     if first.attributes["outcome"] == second.attributes["outcome"] == "completed":
         difference = cell_difference(first, second)
     yield Claim(
-        scene.name,
-        (name, other_name),
-        f"{other_name} agrees with {name} at the end (relative L2 difference of cell averages)",
-        difference,
-        bound,
-        again(scene, first, second),
-        _path(scene, name, "VTKHDF/CellData/a"),
-        note,
+        kind=ClaimKind.AGREEMENT,
+        quantity="concentration",
+        scene=scene.name,
+        methods=(name, other_name),
+        statement=f"{other_name} agrees with {name} at the end (relative L2 difference of cell averages)",
+        value=difference,
+        bound=bound,
+        command=again(scene, first, second),
+        path=_path(scene, name, "VTKHDF/CellData/a"),
+        note=note,
     )
 
 

@@ -18,7 +18,7 @@ from typing import Literal
 import h5py
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.store import Run, changing, reading, state
@@ -104,14 +104,16 @@ class Triangle:
         measure = "largest distance over the sum of uncertainties" if judged else "the codes' difference"
         note = f"value: {measure}. {how}" if how else "value: none, for there is nothing to compare"
         return Claim(
-            self.scene,
-            self.methods,
-            f"{self.words}: {self.sentence}",
-            self.ratio if judged else self.apart,
-            1.0 if judged else np.nan,
-            command,
-            f"/triangles/{self.key}",
-            note,
+            kind=ClaimKind.TRIANGLE,
+            quantity=self.quantity,
+            scene=self.scene,
+            methods=self.methods,
+            statement=f"{self.words}: {self.sentence}",
+            value=self.ratio if judged else self.apart,
+            bound=1.0 if judged else np.nan,
+            command=command,
+            path=f"/triangles/{self.key}",
+            note=note,
         )
 
 

@@ -1,5 +1,7 @@
 """The history as a file of SQLite: nights, their versions, numbers and claims, a table each.
 
+Claims were kept by their sentences once; a file of that time gets their keys when it is opened first.
+
 A night is one transaction, begun with the lock of a writer: of an interrupted one nothing is left, and two
 at once get in one after the other.  The journal is SQLite's default, a rollback journal, and not a
 write-ahead log: nights are short and rare, and the history stays a single file that can be copied.
@@ -8,24 +10,27 @@ write-ahead log: nights are short and rare, and the history stays a single file 
 import math
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
+from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number, Series
 
 DEFAULT_PATH = Path("reports") / "history.sqlite"
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the tables."""
+
+BEFORE = 1
+"""The version whose claims had no keys of their own."""
 
 _APPLICATION = 0x61637869
 """What SQLite files of ours have in their header ("acxi")."""
@@ -44,10 +49,13 @@ CREATE TABLE versions (night INTEGER NOT NULL REFERENCES nights, package TEXT NO
     version TEXT NOT NULL, PRIMARY KEY (night, package)) WITHOUT ROWID;
 CREATE TABLE numbers (night INTEGER NOT NULL REFERENCES nights, key TEXT NOT NULL, kind TEXT NOT NULL,
     value REAL, unit TEXT NOT NULL, source TEXT NOT NULL, PRIMARY KEY (night, key)) WITHOUT ROWID;
-CREATE TABLE claims (night INTEGER NOT NULL REFERENCES nights, key TEXT NOT NULL, scene TEXT NOT NULL,
-    methods TEXT NOT NULL, statement TEXT NOT NULL, value REAL, bound REAL, verdict TEXT NOT NULL,
-    seconds REAL, command TEXT NOT NULL, path TEXT NOT NULL, note TEXT NOT NULL, source TEXT NOT NULL,
-    PRIMARY KEY (night, key)) WITHOUT ROWID
+"""
+
+_CLAIMS = """
+CREATE TABLE claims (night INTEGER NOT NULL REFERENCES nights, key TEXT NOT NULL, kind TEXT NOT NULL,
+    quantity TEXT NOT NULL, scene TEXT NOT NULL, methods TEXT NOT NULL, statement TEXT NOT NULL, value REAL,
+    bound REAL, verdict TEXT NOT NULL, command TEXT NOT NULL, path TEXT NOT NULL, note TEXT NOT NULL,
+    "check" TEXT NOT NULL, seconds REAL, source TEXT NOT NULL, PRIMARY KEY (night, key)) WITHOUT ROWID
 """
 
 
@@ -85,12 +93,9 @@ def append(path: Path, night: Night, numbers: Iterable[Number], claims: Iterable
                 night.seconds,
             ),
         ).lastrowid
-        for table, width, written in (
-            ("versions", 3, ((place, *version) for version in night.versions.items())),
-            ("numbers", 6, ((place, key, *_number(one)) for key, one in _keyed(numbers))),
-            ("claims", 13, ((place, key, *_claim(one)) for key, one in _keyed(claims))),
-        ):
-            rows.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * width)})", written)
+        _insert(rows, "versions", ((place, *version) for version in night.versions.items()))
+        _insert(rows, "numbers", ((place, key, *_number(one)) for key, one in _keyed(numbers)))
+        _insert(rows, "claims", ((place, key, *_claim(one)) for key, one in _keyed(claims)))
         rows.execute("COMMIT")
     return called
 
@@ -122,21 +127,9 @@ def read_numbers(path: Path, name: str) -> list[Number]:
 
 def read_claims(path: Path, name: str) -> dict[str, Judged]:
     """Return the claims of a night by their keys."""
-    chosen = (
-        "SELECT key, scene, methods, statement, value, bound, claims.command, path, note, claims.seconds,"
-        " source FROM claims JOIN nights USING (night) WHERE name = ? ORDER BY key"
-    )
+    chosen = "SELECT claims.* FROM claims JOIN nights USING (night) WHERE name = ? ORDER BY key"
     with _reading(path) as rows:
-        return {
-            key: Judged(
-                Claim(scene, tuple(methods.split()), statement, _float(value), _float(bound), *rest),
-                _float(seconds),
-                source,
-            )
-            for key, scene, methods, statement, value, bound, *rest, seconds, source in rows.execute(
-                chosen, (name,)
-            )
-        }
+        return {said["key"]: _judged(said) for said in _columns(rows.execute(chosen, (name,)))}
 
 
 def read_series(path: Path, pattern: str = "*") -> list[Series]:
@@ -182,9 +175,27 @@ def _number(one: Number) -> tuple[str | float, ...]:
 def _claim(one: Judged) -> tuple[str | float, ...]:
     claim = one.claim
     return (
-        claim.scene, " ".join(claim.methods), claim.statement, claim.value, claim.bound, claim.verdict,
-        one.seconds, claim.command, claim.path, claim.note, one.source,
+        str(claim.kind), claim.quantity, claim.scene, " ".join(claim.methods), claim.statement, claim.value,
+        claim.bound, claim.verdict, claim.command, claim.path, claim.note, one.check, one.seconds, one.source,
     )  # fmt: skip
+
+
+def _judged(said: Mapping[str, Any]) -> Judged:
+    """The claim that columns hold, and how it was judged."""
+    claim = {name: _float(said[name]) for name in ("value", "bound")} | {"methods": said["methods"].split()}
+    return Judged(claim_of({**said, **claim}), said["check"], _float(said["seconds"]), said["source"])
+
+
+def _columns(found: sqlite3.Cursor) -> Iterator[dict[str, Any]]:
+    """Each row that was found, by the names of its columns."""
+    names = [name for name, *_ in found.description]
+    return (dict(zip(names, row, strict=True)) for row in found)
+
+
+def _insert(rows: sqlite3.Connection, table: str, written: Iterable[Sequence[str | float | None]]) -> None:
+    """Add rows to a table."""
+    for row in written:
+        rows.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
 
 
 def _keyed(given: Iterable[_Row]) -> Iterator[tuple[str, _Row]]:
@@ -225,17 +236,51 @@ def _float(value: float | None) -> float:
 def _prepare(rows: sqlite3.Connection, path: Path) -> None:
     """Make the tables where the file is new."""
     if rows.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
-        for table in _TABLES.split(";"):
+        for table in (*_TABLES.split(";"), _CLAIMS):
             rows.execute(table)
         rows.execute(f"PRAGMA application_id = {_APPLICATION}")
         rows.execute(f"PRAGMA user_version = {SCHEMA}")
     _check(rows, path)
 
 
-def _check(rows: sqlite3.Connection, path: Path) -> None:
-    (application,), (schema,) = (
-        rows.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
+def _header(rows: sqlite3.Connection) -> tuple[int, int]:
+    """Whose file it is, and the version of its tables."""
+    application, schema = (
+        rows.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
     )
+    return application, schema
+
+
+def _bring_forward(rows: sqlite3.Connection, path: Path) -> None:
+    """Give the claims of the version before their keys, all at once; its table stays, as `claims_1`.
+
+    Each goes on under the one key that all its sentences have; of two at once the second finds nothing to do.
+    """
+    if _header(rows) != (_APPLICATION, BEFORE):
+        return
+    rows.execute("BEGIN IMMEDIATE")
+    if _header(rows)[1] == BEFORE:
+        rows.execute(f"ALTER TABLE claims RENAME TO claims_{BEFORE}")
+        rows.execute(_CLAIMS)
+        old = _columns(rows.execute(f"SELECT * FROM claims_{BEFORE} ORDER BY night, key"))
+        try:
+            for place, night in groupby(old, lambda said: said["night"]):
+                named = _keyed(map(_told, night))
+                _insert(rows, "claims", ((place, key, *_claim(one)) for key, one in named))
+        except (AttributeError, TypeError, ValueError) as error:
+            raise UserError(f"{path}: not a whole history ({error})") from error
+        rows.execute(f"PRAGMA user_version = {SCHEMA}")
+    rows.execute("COMMIT")
+
+
+def _told(said: dict[str, Any]) -> Judged:
+    """A claim of the version before, whose statement ended in its check."""
+    statement, _, check = said["statement"].rpartition(" · ")
+    return _judged(said | {"statement": statement, "check": check})
+
+
+def _check(rows: sqlite3.Connection, path: Path) -> None:
+    application, schema = _header(rows)
     if application != _APPLICATION:
         raise UserError(f"{path}: a database of something else; expected a history written by actin_xcheck")
     if schema != SCHEMA:
@@ -244,9 +289,10 @@ def _check(rows: sqlite3.Connection, path: Path) -> None:
 
 @contextmanager
 def _open(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
-    """A connection of this moment; whatever SQLite says against the file becomes one line."""
+    """A connection of this moment, to tables of this version; what SQLite says against it is one line."""
     try:
         with database(path, mode) as rows:
+            _bring_forward(rows, path)
             yield rows
     except sqlite3.Error as error:
         raise UserError(f"{path}: not a whole history, or it cannot be written ({error})") from error

@@ -80,16 +80,17 @@ class Number:
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim as it came out in a night: how long its runs took, and the file that holds them."""
+    """A claim as it came out in a night: in which check, how long its runs took, the file that holds them."""
 
     claim: Claim
+    check: str
     seconds: float = math.nan
     source: str = ""
 
     @property
     def key(self) -> str:
         """Its name, the same every night."""
-        return f"{self.claim.scene} [{', '.join(self.claim.methods)}] {self.claim.statement}"
+        return f"{self.claim.key} · {self.check}"
 
 
 @dataclass(frozen=True)

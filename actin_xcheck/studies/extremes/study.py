@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.commands import command
 from actin_xcheck.studies.extremes.attempt import Attempt, attempt
@@ -68,6 +68,8 @@ def _lead(attempts: Sequence[Attempt]) -> str:
 def _claim(found: Sequence[Breakdown], scene: str, apart: float, allowed: float) -> Claim:
     """The methods' breakdown times of a scene differ by no more than their uncertainties."""
     return Claim(
+        kind=ClaimKind.AGREEMENT,
+        quantity="breakdown_time",
         scene=scene,
         methods=tuple(one.method for one in found if one.scene == scene),
         statement="the methods agree on when 1 + div u reaches zero (largest relative difference)",

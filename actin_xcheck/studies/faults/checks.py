@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import find_method
@@ -22,7 +22,7 @@ from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge.examine import examine
 from actin_xcheck.studies.converge.record import Result
-from actin_xcheck.studies.converge.studies import Refined, studies_of
+from actin_xcheck.studies.converge.studies import Refined, Study, studies_of
 from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole
 from actin_xcheck.verdicts.orders import TOLERANCE, Verdict
 
@@ -143,7 +143,8 @@ class Studied:
             for study in studies_of(place, [find_method(self.method)], folder)
             if study.refined is self.refined and study.quantity in self.quantities
         ]
-        return [_order(result, again(self)) for result in examine(studies, folder, again(self), QUIET)]
+        results = examine(studies, folder, again(self), QUIET)
+        return [_order(*pair, again(self)) for pair in zip(studies, results, strict=True)]
 
 
 def again(check: Check) -> str:
@@ -151,20 +152,23 @@ def again(check: Check) -> str:
     return command("nightly", only=check.name)
 
 
-def _order(result: Result, made: str) -> Claim:
+def _order(study: Study, result: Result, made: str) -> Claim:
     """A study's verdict as a claim: how far the last two local orders are from the declared one."""
     found = result.observed
     judged = found.verdict in (Verdict.PASS, Verdict.FAIL)
     off = result.declared - np.array(found.local[-2:])
+    declared = f"the order in {result.refined} of {result.quantity} is {result.declared:g}"
     return Claim(
-        result.scene,
-        (result.method,),
-        f"the order in {result.refined} of {result.quantity} is {result.declared:g}: {found.reason}",
-        float((np.maximum(off, 0) if result.at_least else np.abs(off)).max()),
-        TOLERANCE if judged else np.nan,
-        made,
-        f"/studies/{result.key}",
-        f"value: the larger distance of the last two local orders, against {result.truth}",
+        kind=ClaimKind.ORDER_H if study.refined is Refined.H else ClaimKind.ORDER_DT,
+        quantity=study.quantity,
+        scene=result.scene,
+        methods=(result.method,),
+        statement=f"{declared}: {found.reason}",
+        value=float((np.maximum(off, 0) if result.at_least else np.abs(off)).max()),
+        bound=TOLERANCE if judged else np.nan,
+        command=made,
+        path=f"/studies/{result.key}",
+        note=f"value: the larger distance of the last two local orders, against {result.truth}",
     )
 
 

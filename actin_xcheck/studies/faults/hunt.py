@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.runs.commands import command
 from actin_xcheck.studies.faults.checks import SUITE, Check
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, watched
@@ -216,6 +216,7 @@ def control(caught: Caught) -> Claim:
     elif not note:
         note = f"{len(caught.passed)} checks stayed green"
     return Claim(
+        kind=ClaimKind.CONTROL,
         scene=caught.name,
         methods=(caught.code,),
         statement=f"is caught: {caught.sentence}",
@@ -231,6 +232,8 @@ def _green(clean: Clean) -> Claim:
     """Whether a check is green without a fault: how many of its claims fail."""
     said = "; ".join(claim.sentence for claim in clean.red)
     return Claim(
+        kind=ClaimKind.CLEAN,
+        quantity=clean.name,
         scene="without a fault",
         methods=(),
         statement=f"{clean.name}: all of its {clean.judged} claims hold",
