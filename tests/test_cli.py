@@ -12,7 +12,7 @@ import pytest
 
 from actin_xcheck.cli import options as command_line
 from actin_xcheck.runs.executor import cores, jobs_asked
-from actin_xcheck.scene.scene import scene_text
+from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies.folder import report_folder
 from tests.processes import posix
 

@@ -10,7 +10,8 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.scene.expression import coordinates
-from actin_xcheck.scene.scene import load_scene, parse_scene, scene_text, shipped_scenes
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.scene.shelf import scene_text, shipped_scenes
 
 GOOD = """
 name = "mine"

@@ -22,8 +22,6 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number, Series
 
-DEFAULT_PATH = Path("reports") / "history.sqlite"
-
 SCHEMA = 1
 """Version of the tables."""
 
