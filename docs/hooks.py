@@ -4,14 +4,17 @@ Formulas need neither scripts nor fonts, so that the built site is complete with
 """
 
 import html
+import math
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import grimp
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
@@ -36,6 +39,7 @@ def on_files(files: Any, config: Any) -> Any:
         raise PluginError(f"no command reference: {done.stderr}")
     files.append(File.generated(config, "commands.md", content=done.stdout))
     files.append(File.generated(config, "example.png", abs_src_path=str(PICTURE)))
+    files.append(File.generated(config, "floors.svg", content=_picture_of_floors()))
     return files
 
 
@@ -109,7 +113,77 @@ def _type(one: dict[str, Any]) -> str:
     return str(one["type"])
 
 
-TABLES: dict[str, Callable[[], str]] = {"errata": _errata, "methods": _methods, "answers": _answers}
+FLOORS = {
+    "actin_xcheck.__main__": "starts the command, with nothing from its surroundings",
+    "actin_xcheck.cli": "the commands: options, what is said, exit codes",
+    "actin_xcheck.api": "the same for notebooks and scripts",
+    "actin_xcheck.nightly": "every night: checks within a budget, their history, the dashboard",
+    "actin_xcheck.studies": "each asks for runs and says what the answers mean",
+    "actin_xcheck.verdicts": "what stored runs prove: claims, uncertainties, orders",
+    "actin_xcheck.report": "what pages are made of: exhibits, drawings, films, tables",
+    "actin_xcheck.runs": "from a scene and a method to a stored run, and processes for many",
+    "actin_xcheck.scene": "the physics of a run as data, and how it becomes a problem",
+    "actin_xcheck.theory": "linear theory, exact modes, the article's errata",
+    "fem": "finite elements, on scikit-fem",
+    "fv": "finite volumes, on FiPy",
+    "actin_xcheck.core": "equations, meshes, contracts; nothing here knows a method",
+}
+"""What each package is, the highest floor first."""
+
+ROWS = (
+    ("actin_xcheck.__main__",), ("actin_xcheck.cli",), ("actin_xcheck.api",), ("actin_xcheck.nightly",),
+    ("actin_xcheck.studies",), ("actin_xcheck.verdicts", "actin_xcheck.report"), ("actin_xcheck.runs",),
+    ("actin_xcheck.scene",), ("actin_xcheck.theory", "fem", "fv"), ("actin_xcheck.core",),
+)  # fmt: skip
+"""Floors as `pyproject.toml` lists them."""
+
+
+def _floors() -> str:
+    graph = grimp.build_graph("actin_xcheck", "fem", "fv")
+    counted = {name: len(graph.find_descendants(name)) or 1 for name in FLOORS}
+    rows = ((f"`{name}`", what, str(counted[name])) for name, what in FLOORS.items())
+    return _rows(("package", "what it is", "modules"), rows)
+
+
+def _picture_of_floors() -> str:
+    """The floors as boxes, and the imports between them as lines."""
+    graph = grimp.build_graph("actin_xcheck", "fem", "fv")
+    places = {
+        name: (360 * (2 * i + 1) / len(row), 30 + 62 * j)
+        for j, row in enumerate(ROWS)
+        for i, name in enumerate(row)
+    }
+    parts = []
+    for upper, lower in product(FLOORS, FLOORS):
+        count = sum(
+            len(graph.get_import_details(importer=one, imported=other))
+            for one in {upper, *graph.find_descendants(upper)}
+            for other in graph.find_modules_directly_imported_by(one)
+            if other == lower or other.startswith(f"{lower}.")
+        )
+        if count and upper != lower:
+            (x, y), (x2, y2) = places[upper], places[lower]
+            middle = (x + x2) / 2 + (140 if abs(y2 - y) > 70 and x == x2 else 0)
+            path = f"M{x} {y + 16} Q{middle} {(y + y2) / 2} {x2} {y2 - 16}"
+            width = 0.6 + math.log10(count)
+            title = f"<title>{upper} imports {lower} {count} times</title>"
+            parts.append(
+                f'<path d="{path}" fill="none" stroke="#7a8899" stroke-width="{width:.2f}">{title}</path>'
+            )
+    for name, (x, y) in places.items():
+        parts.append(f'<rect x="{x - 95}" y="{y - 16}" width="190" height="32" rx="6" class="floor"/>')
+        parts.append(f'<text x="{x}" y="{y + 5}" text-anchor="middle">{name}</text>')
+    style = "text{font:14px system-ui,sans-serif;fill:#1d2126}.floor{fill:#f4f1ea;stroke:#30458c}"
+    size = f'viewBox="0 0 720 {62 * len(ROWS)}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}><style>{style}</style>{"".join(parts)}</svg>'
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "errata": _errata,
+    "methods": _methods,
+    "answers": _answers,
+    "floors": _floors,
+}
 
 
 def _table(name: str) -> str:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli.app import main
-from actin_xcheck.runs.accuracy import deliver, estimated
+from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.runs.accuracy import change, deliver, estimated
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.verdicts.judge import reference_errors
@@ -83,6 +86,60 @@ def test_an_interrupted_level_is_no_answer(tmp_path):
         deliver(load_scene("static-decay"), 1e-9, before, "", stop_in_the_second)
     assert before.read_bytes() == b"an earlier answer"
     assert [path.name for path in tmp_path.iterdir()] == [before.name]
+
+
+@pytest.mark.slow
+def test_an_estimate_keeps_above_the_error_where_waves_are_hardly_resolved(tmp_path):
+    waves = (
+        "0.0293*cos(-7.537*x - 3.071*y + 3.451) + 0.0265*cos(-5.896*x + 3.164*y + 4.951)"
+        " + 0.0291*cos(-4.545*x - 1.074*y + 1.278) + 0.0320*cos(-3.719*x + 3.918*y + 6.159)"
+        " + 0.0247*cos(6.029*x + 2.936*y + 1.009)"
+    )
+    points = "[[0, 0], [0.4, 0.1], [-0.3, 0.5], [0.6, -0.6], [0, 1]]"
+    growing = scene_of(
+        "psi = 804.7\np = 0.575",
+        a=f"1 + {waves}",
+        end=0.06681,
+        more=f'outputs = [0.0334]\n[model]\nrheology = "viscous"\n[probes]\npoints = {points}',
+    )
+    reached = deliver(growing, 3e-2, tmp_path / "run.vtkhdf", "")
+    fine = tmp_path / "fine.vtkhdf"
+    assert run(growing, METHODS["fem-p4-imex4"], 3, 1.0, fine, rtol=1e-5).ok  # good to 6e-4
+    error = change(read_run(tmp_path / "run.vtkhdf"), read_run(fine), growing.output_times)
+    assert error <= reached.estimate <= 3e-2
+
+
+@pytest.mark.slow
+def test_steps_are_no_finer_than_the_accuracy_needs(tmp_path):
+    """What short waves leave in space is a hundred times what steps leave: levels must not refine both."""
+    waves = "0.03*cos(7.5*x + 3.1*y - 3.5) + 0.03*cos(5.9*x - 3.2*y - 5) + 0.03*cos(6*x + 2.9*y + 1)"
+    lopsided = scene_of(
+        "psi = 804.7\np = 0.575",
+        a=f"1 + {waves}",
+        end=0.05,
+        more='[model]\nrheology = "viscous"\n[probes]\npoints = [[0, 0], [-0.3, 0.5], [0, 1]]',
+    )
+    reached = deliver(lopsided, 1e-3, tmp_path / "run.vtkhdf", "")
+    assert reached.level.refine == 3
+    assert reached.level.rtol >= 3e-5
+    fine = tmp_path / "fine.vtkhdf"
+    assert run(lopsided, reached.level.method, 4, 1.0, fine, rtol=1e-5).ok
+    error = change(read_run(tmp_path / "run.vtkhdf"), read_run(fine), lopsided.output_times)
+    assert error <= reached.estimate <= 1e-3
+
+
+def test_a_mesh_too_coarse_to_stand_is_no_breakdown_of_the_model(tmp_path, monkeypatch):
+    """Coarse levels fold where finer ones do not: that is what the next level is for."""
+    failures = iter([Outcome(Ending.TANGLED, "folds")])
+
+    def folding(scene, method, refine, dt, path, *others):
+        outcome = run(scene, method, refine, dt, path, *others)
+        return next(failures, outcome)
+
+    monkeypatch.setattr("actin_xcheck.runs.accuracy.run", folding)
+    reached = deliver(load_scene("static-decay"), 1e-3, tmp_path / "run.vtkhdf", "")
+    assert reached.outcome.ok
+    assert reached.estimate <= 1e-3
 
 
 def test_a_breakdown_is_delivered_as_such(tmp_path):

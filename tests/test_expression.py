@@ -37,6 +37,38 @@ def test_values_are_those_of_numpy(text, expected):
     np.testing.assert_allclose(value, expected(*points), rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sin(3*t)*cos(t) - tan(t/3) + x*exp(-t)",
+        "log(1 + t) / sqrt(t) + abs(x - t)**3",
+        "sinh(t) - cosh(t)*tanh(t*x) + arctan(x*t**2)",
+        "arctan2(t, x)*arctan2(x, t) - (+t)",
+        "minimum(t, x)*maximum(t**2, x) + heaviside(t)*t",
+        "J(2, 5*t*x)*J(0, t) + t**1.5 + x**t + t**t",
+    ],
+)
+def test_rates_are_those_of_central_differences(text):
+    x, t, eps = np.linspace(0.15, 2.0, 7), 0.7, 1e-5
+    formula = Expression(text, ("x", "t"))
+    differences = (formula(x=x, t=t + eps) - formula(x=x, t=t - eps)) / (2 * eps)
+    np.testing.assert_allclose(formula.rate(x=x, t=t), differences, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "t", "rate"),
+    [
+        ("log(x)/x + 1/(x - x)", 0.3, 0.0),  # however singular, what t does not enter does not move
+        ("t**1.5", 0.0, 0.0),
+        ("(1 - t)**1.5", 1.0, 0.0),
+        ("sqrt(t)", 0.0, np.inf),
+        ("x + 0.02*sin(300*t)", 0.0, 6.0),
+    ],
+)
+def test_rates_need_no_value_on_the_other_side(text, t, rate):
+    assert Expression(text, ("x", "t")).rate(x=0.5, t=t) == pytest.approx(rate, abs=1e-15)
+
+
 def test_heaviside_is_one_half_at_its_step():
     assert Expression("heaviside(x)", ("x",))(x=[-2, 0, 3]).tolist() == [0, 0.5, 1]
 

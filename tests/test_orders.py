@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Delta, Model
 from actin_xcheck.core.motion import PrescribedMotion
@@ -72,7 +72,7 @@ def steady_state_error(target, refine):
         None,
         source,
     )
-    still = PrescribedMotion(mesh.xi, lambda xi, t: stretch @ xi)
+    still = PrescribedMotion(mesh.xi, Motion(lambda xi, t: stretch @ xi, lambda xi, t: np.zeros_like(xi)))
     film, outcome = film_of(load(METHODS[target].solver)(problem, mesh, still), 2.0, [40.0])
     assert outcome.ok
     assert np.array_equal(film.last.x, x)

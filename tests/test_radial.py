@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.outcome import Ending
@@ -31,6 +31,9 @@ BOTH = pytest.mark.parametrize("model", [EXPANSION, CONTRACTION], ids=["expansio
 def bump(height):
     """1 + height cos(pi r^2): flat at the rim."""
     return lambda xi: 1 + height * np.cos(np.pi * (xi**2).sum(axis=0))
+
+
+GROWING = Motion(lambda xi, t: xi * np.exp(t / 2), lambda xi, t: xi * np.exp(t / 2) / 2)
 
 
 def ring(model, height=1e-3, **more):
@@ -162,9 +165,7 @@ def growing(radii, t):
 
 def test_a_growing_disk_is_exact():
     model = Model(Parameters(0, 0), delta=Delta.NONE)
-    problem = Problem(
-        model, lambda xi: growing(np.hypot(*xi), 0.0), np.zeros_like, lambda xi, t: xi * np.exp(t / 2)
-    )
+    problem = Problem(model, lambda xi: growing(np.hypot(*xi), 0.0), np.zeros_like, GROWING)
     solver = Radial(problem, MESH, 3, 10, 4)
     end = after(solver, 0.5, 100)
     assert end.a == pytest.approx(growing(end.x[0], 0.5), abs=3e-10)
@@ -196,9 +197,7 @@ def test_a_source_makes_what_it_should():
         return np.exp(-t) * (-cos - d * laplacian) + exact(x, t) - (1 - exact(x, t))
 
     model = Model(Parameters(0, 0), delta=Delta.NONE)
-    problem = Problem(
-        model, lambda xi: exact(xi, 0.0), np.zeros_like, lambda xi, t: xi * np.exp(t / 2), source
-    )
+    problem = Problem(model, lambda xi: exact(xi, 0.0), np.zeros_like, GROWING, source)
     solver = Radial(problem, MESH, 3, 10, 4)
     end = after(solver, 0.3, 60)
     assert end.a == pytest.approx(exact(end.x, 0.3), abs=1e-8)
@@ -234,9 +233,10 @@ def test_a_model_that_breaks_down_says_where_and_when():
 
 
 def test_a_ring_that_turns_over_is_named():
-    def folding(xi, t):
-        return xi * (1 - t * np.exp(-30 * ((xi**2).sum(axis=0) - 0.25) ** 2))
+    def velocity(xi, t):
+        return -xi * np.exp(-30 * ((xi**2).sum(axis=0) - 0.25) ** 2)
 
+    folding = Motion(lambda xi, t: xi + t * velocity(xi, t), velocity)
     solver = Radial(ring(EXPANSION, motion=folding), MESH, 3, 10, 4)
     film = Film(solver)
     outcome = integrate(solver, 0.01, (1.0,), film)

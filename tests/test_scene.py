@@ -1,17 +1,24 @@
 import pickle
 import re
 import tomllib
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy
 
+from actin_xcheck.cli.options import warn_of
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.parameters import UNITS, DimensionalParameters, Parameters, far_from_the_article
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.expression import coordinates
+from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene, parse_scene
-from actin_xcheck.scene.shelf import scene_text, shipped_scenes
+from actin_xcheck.scene.shelf import listed, scene_text, shipped_scenes
 
 GOOD = """
 name = "mine"
@@ -126,6 +133,28 @@ def test_a_growth_rate_names_its_mode():
     assert parse_scene(WALL, "wall.toml").mode == (1, 1)
 
 
+def test_motions_and_sources_end_with_the_scene():
+    """Both formulas end at t = 0 and at t = 1; their velocities are limits from within."""
+    ends = MOVING.replace("x0*exp(t)", "x0 + 0.1*(t*sqrt(t) + (1 - t)**1.5)")
+    problem = resolve(parse_scene(ends + '[source]\na = "sqrt(1 - t) + sin(r)/r"\n', "scene.toml"))
+    xi, beyond = np.array([[0.0, 0.5], [0.0, 0.5]]), np.nextafter(1.0, 2.0)
+    for t, velocity in (0.0, -0.15), (0.25, 0.075 - 0.15 * np.sqrt(0.75)), (1.0, 0.15), (beyond, 0.15):
+        np.testing.assert_allclose(problem.motion.velocity(xi, t), [[velocity] * 2, [0, 0]], atol=1e-8)
+    assert np.isfinite(problem.motion(xi, beyond)).all()
+    assert problem.source(xi[:, 1:], xi[:, 1:], beyond) == pytest.approx(np.sin(np.sqrt(0.5)) / np.sqrt(0.5))
+
+
+@pytest.mark.parametrize("method", ["fem-p1-paper", "fv-coupled", "fv-order2", "fem-p2-imex3"])
+def test_a_motion_whose_formula_ends_is_followed_to_its_end(method, tmp_path):
+    scene = parse_scene(MOVING.replace("x0*exp(t)", "x0*(1 + 0.3*t**1.5 + 0.2*(1 - t)**1.5)"), "scene.toml")
+    outcome = run(scene, METHODS[method], 2, 0.05, tmp_path / "run.vtkhdf")
+    assert outcome.ok
+    film = read_run(tmp_path / "run.vtkhdf")
+    assert np.isfinite(film.v).all()
+    np.testing.assert_allclose(film.points[-1, 0], 1.3 * film.xi[0], atol=3e-4)
+    np.testing.assert_allclose(film.v[0, 0], -0.3 * film.xi[0], atol=1e-7)
+
+
 def test_source_may_be_a_table():
     text = MOVING + '[source]\na = "x*t"\ncitation = "me"\n'
     scene = parse_scene(text, "moving.toml")
@@ -136,6 +165,47 @@ def test_source_may_be_a_table():
 def test_dimensional_parameters_are_converted():
     text = GOOD.replace("[parameters]", "[dimensional]").replace("psi = 10", "psi = 367")
     assert parse_scene(text, "mine.toml").parameters.psi == pytest.approx(318.067, abs=1e-3)
+
+
+TABLE_1 = (
+    GOOD.replace("[parameters]", "[dimensional]").replace("psi = 10", "psi = 6.9e4").replace("0.5", "800")
+)
+TABLE_1 = TABLE_1.replace("p = 800", "p = 800\nE = 4000\nD_a = 1.6e-10\nk_a = 66\nL = 1e-3")
+
+
+@pytest.mark.parametrize(
+    ("given", "far"),
+    [
+        ("L = 1e-3", ()),  # the article's section 6
+        ("L = 10", ("d = 2.424e-14 is more than 1000 times below the article's 2.424e-06 to 0.4",)),
+        ("L = 1e-6", ()),  # d = 2.4, six times the article's, is a choice
+        (
+            "mu1 = 9.6e6\nL = 1e-3",
+            ("mu1 = 2.059e+05 is more than 1000 times above the article's 2.0624 to 2.5",),
+        ),
+    ],
+)
+def test_groups_are_echoed_and_slips_of_units_are_warned_of(given, far, capsys):
+    scene = parse_scene(TABLE_1.replace("L = 1e-3", given), "mine.toml")
+    assert far_from_the_article(scene.parameters) == far
+    warn_of(scene)
+    first, *warnings = capsys.readouterr().err.splitlines()
+    assert first.startswith("mine: [dimensional] makes psi = 22.43, p = 0.26, d = ")
+    assert [line.split("; ")[0] for line in warnings] == [f"warning: mine: {one}" for one in far]
+    assert all("D_a (cm^2/s)" in line and "L (cm)" in line for line in warnings)
+
+
+def test_what_is_non_dimensional_already_is_not_echoed(capsys):
+    warn_of(parse_scene(GOOD, "mine.toml"))
+    assert capsys.readouterr().err == ""
+
+
+def test_every_dimensional_key_has_a_unit_where_it_is_typed():
+    assert set(UNITS) == {field.name for field in fields(DimensionalParameters)}
+    for place in "README.md", "docs/scene.md":
+        text = (Path(__file__).parents[1] / place).read_text(encoding="utf-8")
+        for unit in {*UNITS.values()} - {"no unit"}:
+            assert unit.replace("^2", "²") in text
 
 
 def test_scenes_are_frozen_and_survive_pickling():
@@ -153,6 +223,10 @@ MISTAKES = [
     (GOOD, 'name = "mine"', "name = 3", "name = 3: should be a valid string"),
     (GOOD, '"mine"', '"../mine"', "name = '../mine': should be letters, digits"),
     (GOOD, '"mine"', '""', "name = '': should be letters, digits"),
+    (MOVING, "[motion]", '[source]\na = "sqrt(x)"\n[motion]', "source.a = 'sqrt(x)': should be finite"),
+    (MOVING, "[motion]", '[source]\na = "1/r**2"\n[motion]', "source.a = '1/r**2': should be finite"),
+    (GOOD, 'source = "me"', 'source = { a = "log(0.5 - t)" }', "source.a = 'log(0.5 - t)': should be finite"),
+    (MOVING, '"1 + x - x0 + t"', '"sqrt(x - 2)"', "expect.exact.a = 'sqrt(x - 2)': should be finite"),
     (GOOD, 'source = "me"', "source = 3", "source = 3: should be a table with keys among citation, a"),
     (GOOD, "psi = 10", "", "parameters.psi is missing; required keys are psi, p"),
     (GOOD, "psi = 10", "pssi = 10", "unknown key parameters.pssi (did you mean psi?); valid keys are psi,"),
@@ -171,7 +245,9 @@ MISTAKES = [
     (GOOD, "p = 0.5", "p = 0\nmu1 = 0", "parameters.mu1 = 0: should be greater than 0"),
     (GOOD, "p = 0.5", "p = 0\n[dimensional]\npsi = 0\np = 0", "dimensional = {'p': 0.0, 'psi': 0.0}: should"),
     (GOOD, "[parameters]\npsi = 10\np = 0.5", "", "parameters = None: should be a table, one of"),
-    (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nE = 0", "dimensional.E = 0: should be greater"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nE = 0", "greater than 0, in dyn/cm^2"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nL = '1'", "should be a valid number, in cm"),
+    (GOOD, "[parameters]\npsi = 10", "[dimensional]\nL = 1", "[dimensional] is in psi (dyn/cm^2), p"),
     (GOOD, '"full"', '"rim"', "model.delta = 'rim': should be 'ring', 'membrane', 'none' or 'full'"),
     (GOOD, 'delta = "full"', "reaction = 1", "model.reaction = 1: should be a valid boolean"),
     (GOOD, '"1 + 0.1*x"', '"1 + 0.1*z"', "initial.a = '1 + 0.1*z': unknown name z; valid names are x, y, r,"),
@@ -207,6 +283,8 @@ MISTAKES = [
     (MOVING, 'a = "1"\n', 'a = "1"\neigenmode = {m=1, n=1, amplitude=0.1}\n', "initial.eigenmode ="),
     (MOVING, 'y = "y0"', 'y = "y"', "motion.y = 'y': unknown name y; valid names are x0, y0, t, pi"),
     (MOVING, 'y = "y0"', 'y = "y0/t"', "motion.y = 'y0/t': should be finite on the unit disk at t = 0"),
+    (MOVING, 'y = "y0"', 'y = "y0*(1 + sqrt(t))"', "should be moving no faster than 1e+06 on the unit"),
+    (MOVING, 'y = "y0"', 'y = "y0 + sqrt(0.01 - t)"', "should be finite and at most 1e+06 on the unit"),
     (MOVING, 'y = "y0"', "", "motion.y is missing; required keys are x, y"),
     (MOVING, "x - x0 + t", "q", "expect.exact.a = '1 + q': unknown name q; valid names are x, y, r, theta,"),
     (MOVING, "end = 1", "end = 1979-05-27", "time.end = datetime.date(1979, 5, 27): should be a valid"),
@@ -363,3 +441,11 @@ def test_table_5_is_converted(name, psi):
 def test_every_shipped_scene_is_a_toml_file_of_documented_tables():
     tables = {key for name in shipped_scenes() for key in tomllib.loads(scene_text(name))}
     assert tables >= {"parameters", "dimensional", "motion", "source", "expect", "as_published"}
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_list_says_of_a_scene_what_loading_it_does(name):
+    scene = load_scene(name)
+    p, physics = scene.parameters, scene.physics
+    model = f"psi {p.psi:g}, p {p.p:g}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
+    assert listed(name) == (scene.name, scene.citation, model)

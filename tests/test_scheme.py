@@ -5,7 +5,7 @@ import pytest
 from skfem import Basis, BilinearForm, ElementTriP1, ElementVector, FacetBasis, LinearForm, MeshTri
 from skfem.helpers import ddot, div, dot, grad, sym_grad
 
-from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.mesh import disk, quadrature_points, signed_areas
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.motion import PrescribedMotion
@@ -20,8 +20,10 @@ MODEL = Model(Parameters(150.0, 0.4), closure=Closure.REFERENCE_NORMAL, delta=De
 DT = 0.02
 
 
-def sheared(xi, t):
-    return np.array([xi[0] * (1 + t) + 0.6 * t * xi[1], xi[1] / (1 + 0.5 * t) + 0.2 * t * xi[0] ** 2])
+sheared = Motion(
+    lambda xi, t: np.array([xi[0] * (1 + t) + 0.6 * t * xi[1], xi[1] / (1 + 0.5 * t) + 0.2 * t * xi[0] ** 2]),
+    lambda xi, t: np.array([xi[0] + 0.6 * xi[1], -0.5 * xi[1] / (1 + 0.5 * t) ** 2 + 0.2 * xi[0] ** 2]),
+)
 
 
 def source(x, xi, t):

@@ -1,5 +1,10 @@
 """How every study is carried out, on one that is small enough to be looked through."""
 
+import json
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -17,6 +22,7 @@ from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies.page import study_file, write_page
 from actin_xcheck.studies.study import Report, Table, Task, answered, counted
+from tests.processes import cluster
 from tests.studies import InTurn, carry
 
 
@@ -173,3 +179,42 @@ def test_the_page_says_what_the_file_holds(tmp_path):
         assert text in page
     assert "<td>odd</td>" in page
     assert "1.3333" in page
+
+
+TOY = Path(__file__).parents[1] / "examples" / "toy_study.py"
+
+
+def toy(folder, *scheduler):
+    """What the docs' study prints; a process in a directory of its own, as a user's."""
+    command = [sys.executable, "-W", "error", str(TOY), str(folder), *scheduler]
+    done = subprocess.run(
+        command, cwd=folder.parent, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def asked(folder):
+    with closing(sqlite3.connect(folder / journal.FILE_NAME)) as rows, rows:
+        return sorted(json.loads(one) for (one,) in rows.execute("SELECT asked FROM answers"))
+
+
+def test_the_study_of_the_docs_is_whole_and_has_at_most_sixty_lines(tmp_path):
+    assert len(TOY.read_text(encoding="utf-8").splitlines()) <= 60
+    said = toy(tmp_path / "toy")
+    assert said == f"1 of 1 orders hold; report: {tmp_path}/toy/index.html\n"
+    assert "the error falls with the first power of dt" in (tmp_path / "toy" / "index.html").read_text()
+    assert asked(tmp_path / "toy") == [0.03125, 0.0625, 0.125, 0.25]
+    with closing(sqlite3.connect(tmp_path / "toy" / journal.FILE_NAME)) as rows, rows:
+        rows.execute("DELETE FROM answers WHERE asked = '0.25'")
+        rows.execute("UPDATE answers SET image = x'' WHERE asked = '0.125'")  # whoever takes it up fails
+    with pytest.raises(AssertionError, match="file signature"):
+        toy(tmp_path / "toy")
+
+
+@pytest.mark.slow
+def test_the_study_of_the_docs_is_carried_out_by_a_cluster(tmp_path):
+    pytest.importorskip("distributed")
+    with cluster(tmp_path, 2) as (address, _):
+        assert toy(tmp_path / "toy", address).startswith("1 of 1 orders hold")
+    assert len(asked(tmp_path / "toy")) == 4

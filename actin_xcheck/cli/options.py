@@ -6,12 +6,14 @@ mistake in a word are there at once.
 
 import math
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.parameters import IN_UNITS, far_from_the_article
 from actin_xcheck.runs.commands import typed
 
 if TYPE_CHECKING:
@@ -56,6 +58,11 @@ def warn_of(scene: "Scene") -> None:
     """Say on standard error what a user must know before believing the scene's results."""
     if caveat := CAVEATS.get(scene.physics.closure):
         print(f"warning: {scene.name}: {caveat}", file=sys.stderr)
+    if scene.dimensional:
+        groups = ", ".join(f"{name} = {value:.4g}" for name, value in asdict(scene.parameters).items())
+        print(f"{scene.name}: [dimensional] makes {groups} (3.1)", file=sys.stderr)
+        for sentence in far_from_the_article(scene.parameters):
+            print(f"warning: {scene.name}: {sentence}; {IN_UNITS}", file=sys.stderr)
 
 
 def check_step(dt: float | None) -> None:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def run_command(
-    scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
+    scene: Annotated[str, typer.Argument(help="A shipped name or a TOML file, [dimensional] in dyn, cm, s.")],
     method: Annotated[
         str,
         typer.Option(help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own."),

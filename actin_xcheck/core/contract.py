@@ -21,11 +21,20 @@ from actin_xcheck.core.model import Array, Model
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import COMPLETED, Outcome
 
-Motion = Callable[[Array, float], Array]
-"""Prescribed positions x(xi, t): (2, n) at time t for material points xi (2, n)."""
-
 Source = Callable[[Array, Array, float], Array]
 """Source term s(x, xi, t), per area and time: shape of x[0]."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A prescribed motion: positions x(xi, t) and their rates, both (2, n), of material points xi (2, n)."""
+
+    position: Callable[[Array, float], Array]
+    velocity: Callable[[Array, float], Array]
+
+    def __call__(self, xi: Array, t: float) -> Array:
+        """Return the positions."""
+        return self.position(xi, t)
 
 
 @dataclass(frozen=True)

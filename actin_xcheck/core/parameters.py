@@ -38,19 +38,54 @@ class Parameters:
         return self.nu / (1 - 2 * self.nu)
 
 
+UNITS = {
+    **dict.fromkeys(("psi", "p", "E"), "dyn/cm^2"),
+    **dict.fromkeys(("mu1", "mu2"), "dyn s/cm^2"),
+    **{"D_a": "cm^2/s", "k_a": "1/s", "L": "cm"},
+    **dict.fromkeys(("a_sat", "a_c"), "normalised density"),
+    **dict.fromkeys(("nu", "l0"), "no unit"),
+}
+"""Of every key of `DimensionalParameters`, as Table 1 has them."""
+
+IN_UNITS = "[dimensional] is in " + ", ".join(f"{name} ({unit})" for name, unit in UNITS.items())
+
+IN_THE_ARTICLE = {
+    "psi": (22.425, 1.04e5),
+    "p": (0.026, 1.646),
+    "d": (2.424e-6, 0.4),
+    "a_sat": (1.4, 1.4),
+    "mu1": (2.0624, 2.5),
+    "mu2": (5.3625, 6.5),
+}
+"""Least and largest value of each group (of p: magnitude) in Table 2 and in sections 5 and 6."""
+
+FAR = 1e3
+"""Times what the article has: rather a slip of units than a cell."""
+
+
+def far_from_the_article(parameters: Parameters) -> tuple[str, ...]:
+    """Return a sentence for every group that is neither 0 nor within `FAR` of the article's values."""
+    return tuple(
+        f"{name} = {value:.4g} is more than {FAR:g} times {'below' if abs(value) < least else 'above'} "
+        f"the article's {least:g}" + (f" to {largest:g}" if largest > least else "")
+        for name, (least, largest) in IN_THE_ARTICLE.items()
+        if (value := getattr(parameters, name)) and not least / FAR <= abs(value) <= largest * FAR
+    )
+
+
 @dataclass(frozen=True)
 class DimensionalParameters:
-    """Parameters in the units of Table 1 (dyn, cm, s); the defaults are Table 1.
+    """Parameters in `UNITS`; the defaults are Table 1.
 
     Attributes
     ----------
-    psi, p : contractile tonicity and pressure coefficient, dyn/cm^2.
-    E : Young's modulus, dyn/cm^2.
-    D_a : diffusion coefficient, cm^2/s.
-    k_a : polymerisation rate, 1/s.
-    mu1, mu2 : viscosities, dyn s/cm^2.
-    a_sat, a_c : concentrations, normalised density.
-    L : length scale (the cell's radius), cm.
+    psi, p : contractile tonicity and pressure coefficient.
+    E : Young's modulus.
+    D_a : diffusion coefficient.
+    k_a : polymerisation rate.
+    mu1, mu2 : shear and bulk viscosity.
+    a_sat, a_c : concentrations.
+    L : length scale (the cell's radius).
     nu, l0 : Poisson's ratio and the ring's inner radius over L.
     """
 

@@ -1,15 +1,15 @@
 """A run that is as accurate as asked: finer and finer levels until what changes between them is small.
 
-From level to level elements rise in order, then cells are halved, and the tolerance of a step falls by ten:
-errors in space and in time fall together.  The change from one level to the next is the error of the coarser
-one, but for the little that is left in the finer.
+Errors in time hardly depend on the mesh, so that the tolerance of a step is found on a coarse one, where it
+is cheap.  Then levels are climbed with it: elements rise in order, then cells are halved.  The change from
+one level to the next is the error of the coarser one, but for the little that is left in the finer.
 """
 
 import math
 import os
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,9 @@ from actin_xcheck.scene.scene import Scene
 SHARE = 0.6
 """Of the last change, the part that may be left where nothing is known of how levels fall."""
 
+LEAST, WIDER = 0.1, 1.5
+"""Of the last change, the part that is left at least; times what halving cells has left the last time."""
+
 
 @dataclass(frozen=True)
 class Level:
@@ -33,9 +36,10 @@ class Level:
 
     Attributes
     ----------
-    method, refine, rtol : elements, mesh and tolerance of a step.
-    share : of the change to this level, the part that its own error is taken to be: 1.2 to 2.5 times the most
-        that was seen in 40 scenes whose finer levels are known; at refine 5 and on a ray none were.
+    method, refine : elements and mesh.
+    rtol : tolerance of a step that suits them where no accuracy is asked for.
+    share : of the change to this level, the most that its own error is taken to be: 1.2 to 2.5 times the most
+        that was seen in 50 scenes whose finer levels are known; at refine 5 and on a ray none were.
     """
 
     method: Method
@@ -46,7 +50,7 @@ class Level:
 
 LEVELS = (
     Level(METHODS["fem-p2-imex3"], 2, 3e-4, math.nan),
-    Level(METHODS["fem-p3-imex4"], 2, 3e-5, 0.2),
+    Level(METHODS["fem-p3-imex4"], 2, 3e-5, SHARE),
     Level(METHODS["fem-p4-imex4"], 2, 3e-6, SHARE),
     Level(METHODS["fem-p4-imex4"], 3, 3e-7, 0.25),
     Level(METHODS["fem-p4-imex4"], 4, 3e-8, 0.25),
@@ -54,18 +58,26 @@ LEVELS = (
 )
 """Errors fall tenfold or more from one level to the next, least from P3 to P4 on one mesh."""
 
-LEVELS_ON_A_RAY = (
-    Level(METHODS["fem-p4-imex4"], 2, 3e-5, math.nan),
-    Level(METHODS["fem-p4-imex4"], 3, 3e-6, SHARE),
-    Level(METHODS["fem-p4-imex4"], 3, 3e-7, SHARE),
-    Level(METHODS["fem-p4-imex4"], 4, 3e-8, SHARE),
-    Level(METHODS["fem-p4-imex4"], 4, 3e-9, SHARE),
-    Level(METHODS["fem-p4-imex4"], 5, 3e-10, SHARE),
-)
+LEVELS_ON_A_RAY = tuple(Level(METHODS["fem-p4-imex4"], refine, math.nan, SHARE) for refine in (2, 3, 4, 5))
 """The same where the cell is axisymmetric: elements of degree 10 on a ray leave errors in time alone."""
 
 SMALL = 0.1
 """Of the accuracy asked for, the part that a smaller model may use up."""
+
+IN_TIME = 0.25
+"""Of the accuracy asked for, the part that steps may use up."""
+
+LOOSEST, TIGHTEST, FINER = 3e-4, 1e-13, 0.1
+"""Tolerances of a step, and from one to the next."""
+
+BERTH = 2.0
+"""Times the change from one tolerance to the next: an error in time, which a finer mesh changes a little."""
+
+OF_A_STEP = 0.1
+"""Of a step's tolerance, the least error in time: steps differ from mesh to mesh, and changes may flatter."""
+
+AGAIN = 0.01
+"""Two levels that fail alike, at times this close to each other, relative: then it is the model that ends."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +127,13 @@ def deliver(
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
         # a level is no answer: it stands beside until it is the last
         beside = Path(folder) / path.name
-        reached = _finest_needed(scene, accuracy, beside, command, progress, levels, reduction)
+
+        def solve(method: Method, refine: int, rtol: float, name: str) -> tuple[Outcome, Run]:
+            file, end = Path(folder) / name, scene.time.end
+            outcome = run(scene, method, refine, end, file, command, progress, rtol, reduction)
+            return outcome, read_run(file)
+
+        reached = _Climb(scene, accuracy, beside, reduction, solve).to_the_finest_needed(levels)
         annotate(beside, {"accuracy": accuracy, "error_estimate": reached.estimate})
         os.replace(beside, path)
     if reached.outcome.ok and not reached.estimate <= accuracy:
@@ -126,33 +144,94 @@ def deliver(
     return reached
 
 
-def _finest_needed(
-    scene: Scene,
-    accuracy: float,
-    path: Path,
-    command: str,
-    progress: Progress,
-    levels: Sequence[Level],
-    reduction: Reduction,
-) -> Delivered:
-    """Run levels until one is accurate enough, or fails; its run is left at `path`."""
-    before: Run | None = None
-    changes: list[float] = []
-    # what linear modes leave out is the same on all levels: no change shows it
-    neglected = SMALL * accuracy if reduction.fidelity is Fidelity.MODAL else 0.0
-    for number, level in enumerate(levels):
-        end = scene.time.end
-        outcome = run(scene, level.method, level.refine, end, path, command, progress, level.rtol, reduction)
-        now = read_run(path)
-        if before is not None and outcome.ok:
-            changes.append(change(before, now, scene.output_times))
-        shares = [one.share for one in levels[1 : number + 1]]
-        estimate = estimated(changes, shares) + neglected if outcome.ok else math.nan
-        reached = Delivered(outcome, level, reduction, estimate, tuple(changes))
-        if not outcome.ok or estimate <= accuracy:
-            break
-        before = now
-    return reached
+class _Climb:
+    """Up the levels of one scene, with one tolerance of a step once it is found.
+
+    Parameters
+    ----------
+    scene, accuracy, reduction : what is run, what for and how much of it.
+    path : where the run of the last level is left.
+    solve : runs a method at a refinement and a tolerance and leaves it in a file of this name beside `path`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        accuracy: float,
+        path: Path,
+        reduction: Reduction,
+        solve: Callable[[Method, int, float, str], tuple[Outcome, Run]],
+    ) -> None:
+        self.scene, self.accuracy, self.path, self.solve = scene, accuracy, path, solve
+        self.reduction = reduction
+        self.rtol, self.in_time = min(LOOSEST, accuracy), math.nan
+        self.runs: dict[tuple[str, int], Run] = {}
+        self.changes: list[float] = []
+        self.shares: list[float] = []
+
+    def to_the_finest_needed(self, levels: Sequence[Level]) -> Delivered:
+        """Run levels until one is accurate enough, or two fail alike; the run of the last is left."""
+        before: Run | None = None
+        failed: Run | None = None
+        for level in levels:
+            outcome, now = self._run(level, levels[-1].method.order_dt)
+            estimate = math.nan
+            if outcome.ok:
+                if before is not None:
+                    self.shares.append(SHARE if failed else self._share(level, now))
+                    self.changes.append(self._change(before, now))
+                estimate = estimated(self.changes, self.shares) + self.in_time + self._neglected()
+                self.runs[level.method.name, level.refine] = before = now
+            reached = Delivered(
+                outcome, replace(level, rtol=self.rtol), self.reduction, estimate, tuple(self.changes)
+            )
+            if estimate <= self.accuracy or (not outcome.ok and failed and _alike(failed, now)):
+                break
+            failed = None if outcome.ok else now
+        return reached
+
+    def _run(self, level: Level, order_dt: float) -> tuple[Outcome, Run]:
+        """Run a level; the first one whose steps are of the finest's order finds their tolerance too."""
+        comparable = level.method.order_dt == order_dt
+        rtol = self.rtol if comparable else level.rtol
+        outcome, now = self.solve(level.method, level.refine, rtol, self.path.name)
+        if outcome.ok and comparable and math.isnan(self.in_time):
+            now = self._find_tolerance(level, now)
+        return outcome, now
+
+    def _find_tolerance(self, level: Level, now: Run) -> Run:
+        """Tighten the tolerance until steps use up their part of the accuracy; return the run with it."""
+        finer = self.path.with_stem("finer")
+        while True:
+            outcome, better = self.solve(level.method, level.refine, FINER * self.rtol, finer.name)
+            if not outcome.ok:
+                return now
+            self.in_time = max(BERTH * self._change(now, better), OF_A_STEP * self.rtol)
+            if self.in_time <= IN_TIME * self.accuracy or FINER**2 * self.rtol < TIGHTEST:
+                return now
+            os.replace(finer, self.path)
+            self.rtol, now = FINER * self.rtol, better
+
+    def _share(self, level: Level, now: Run) -> float:
+        """Of the change to a level, the part that is its own error, by what the last halving left."""
+        coarse, fine = (self.runs.get((level.method.name, level.refine - n)) for n in (2, 1))
+        if coarse is None or fine is None or not (gained := self._change(coarse, now)):
+            return level.share
+        return min(level.share, max(LEAST, WIDER * self._change(fine, now) / gained))
+
+    def _change(self, coarse: Run, fine: Run) -> float:
+        return change(coarse, fine, self.scene.output_times)
+
+    def _neglected(self) -> float:
+        """What linear modes leave out is the same on all levels: no change shows it."""
+        return SMALL * self.accuracy if self.reduction.fidelity is Fidelity.MODAL else 0.0
+
+
+def _alike(one: Run, other: Run) -> bool:
+    """Whether two failed runs ended in the same way at the same time."""
+    times = [run.series["time"][-1] for run in (one, other)]
+    same = one.attributes["outcome"] == other.attributes["outcome"]
+    return bool(same and abs(times[0] - times[1]) <= AGAIN * times[1])
 
 
 def change(coarse: Run, fine: Run, times: Sequence[float]) -> float:

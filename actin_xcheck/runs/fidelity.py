@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from actin_xcheck.core.choices import Fidelity
-from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Symmetry, disk, sector, unfold
 from actin_xcheck.core.model import Array, Delta, Rheology
@@ -40,7 +40,8 @@ class Reduction:
         """Return the problem without what is left out of it."""
         if self.still:
             start = problem.u0
-            problem = replace(problem, motion=lambda xi, t: xi + start(xi))
+            still = Motion(lambda xi, t: xi + start(xi), lambda xi, t: np.zeros_like(xi))
+            problem = replace(problem, motion=still)
         if self.ring_free:  # on 1/2 every mesh has a layer without being bent
             parameters = replace(problem.model.parameters, l0=0.5)
             problem = replace(problem, model=replace(problem.model, parameters=parameters))

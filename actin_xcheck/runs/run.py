@@ -255,6 +255,7 @@ def _attributes(
     attributes: dict[str, str | int | float] = {
         "scene": scene.text,
         "scene_name": scene.name,
+        "parameters": json.dumps(asdict(scene.parameters)),
         "method": json.dumps(asdict(method)),
         "method_name": method.name,
         "family": method.family,

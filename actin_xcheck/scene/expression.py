@@ -4,12 +4,13 @@ import ast
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from textwrap import shorten
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import jv
+from scipy.special import jv, jvp
 from simpleeval import SimpleEval
 
 from actin_xcheck.core.errors import brief
@@ -22,43 +23,91 @@ MAX_CALLS = 100  # functions and powers, J counting tenfold: up to 0.2 us each a
 MAX_ORDER = 100
 
 _CONSTANTS = {"pi": np.float64(np.pi)}
-_FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
-    "sin": (1, np.sin),
-    "cos": (1, np.cos),
-    "tan": (1, np.tan),
-    "exp": (1, np.exp),
-    "log": (1, np.log),
-    "sqrt": (1, np.sqrt),
-    "abs": (1, np.abs),
-    "sinh": (1, np.sinh),
-    "cosh": (1, np.cosh),
-    "tanh": (1, np.tanh),
-    "arctan": (1, np.arctan),
-    "arctan2": (2, np.arctan2),
-    "minimum": (2, np.minimum),
-    "maximum": (2, np.maximum),
-    "heaviside": (1, lambda z: np.heaviside(z, 0.5)),
-    "J": (2, jv),
+_Slope = Callable[..., Any]
+
+
+def _one(*arguments: Any) -> Any:
+    return 1.0
+
+
+def _zero(*arguments: Any) -> Any:
+    return 0.0
+
+
+# every function beside its partial derivatives, between the kinks of those that have some
+_FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[_Slope, ...]]] = {
+    "sin": (np.sin, (np.cos,)),
+    "cos": (np.cos, (lambda z: -np.sin(z),)),
+    "tan": (np.tan, (lambda z: 1 / np.cos(z) ** 2,)),
+    "exp": (np.exp, (np.exp,)),
+    "log": (np.log, (lambda z: 1 / z,)),
+    "sqrt": (np.sqrt, (lambda z: 0.5 / np.sqrt(z),)),
+    "abs": (np.abs, (np.sign,)),
+    "sinh": (np.sinh, (np.cosh,)),
+    "cosh": (np.cosh, (np.sinh,)),
+    "tanh": (np.tanh, (lambda z: 1 / np.cosh(z) ** 2,)),
+    "arctan": (np.arctan, (lambda z: 1 / (1 + z**2),)),
+    "arctan2": (
+        np.arctan2,
+        (lambda z, w: w / (z**2 + w**2), lambda z, w: -z / (z**2 + w**2)),
+    ),
+    "minimum": (np.minimum, (lambda z, w: np.heaviside(w - z, 0.5), lambda z, w: np.heaviside(z - w, 0.5))),
+    "maximum": (np.maximum, (lambda z, w: np.heaviside(z - w, 0.5), lambda z, w: np.heaviside(w - z, 0.5))),
+    "heaviside": (lambda z: np.heaviside(z, 0.5), (_zero,)),
+    "J": (jv, (_zero, lambda m, z: jvp(m, z))),
 }
-_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.UAdd: np.positive,
-    ast.USub: np.negative,
+_OPERATORS: dict[type[ast.AST], tuple[Callable[..., Any], tuple[_Slope, ...]]] = {
+    ast.Add: (np.add, (_one, _one)),
+    ast.Sub: (np.subtract, (_one, lambda z, w: -1.0)),
+    ast.Mult: (np.multiply, (lambda z, w: w, lambda z, w: z)),
+    ast.Div: (np.divide, (lambda z, w: 1 / w, lambda z, w: -z / w**2)),
+    ast.Pow: (np.power, (lambda z, w: w * z ** (w - 1), lambda z, w: z**w * np.log(z))),
+    ast.UAdd: (np.positive, (_one,)),
+    ast.USub: (np.negative, (lambda z: -1.0,)),
 }
 _GRAMMAR = "numbers, names, + - * / ** ( ) and function calls"
+
+
+@dataclass(frozen=True)
+class _Moving:
+    """A value and its derivative along t; None where t does not enter, for 0 times infinity would be nan."""
+
+    value: Any
+    rate: Any = None
+
+
+def _chained(call: Callable[..., Any], slopes: tuple[_Slope, ...]) -> Callable[..., _Moving]:
+    """A function of values as one of values that move, by the chain rule."""
+
+    def moved(*arguments: _Moving) -> _Moving:
+        values = [one.value for one in arguments]
+        parts = [
+            slope(*values) * one.rate
+            for slope, one in zip(slopes, arguments, strict=True)
+            if one.rate is not None
+        ]
+        return _Moving(call(*values), sum(parts) if parts else None)
+
+    return moved
+
+
+@cache
+def _operators() -> dict[type[ast.AST], Callable[..., _Moving]]:
+    return {kind: _chained(*known) for kind, known in _OPERATORS.items()}
+
+
+@cache
+def _functions() -> dict[str, Callable[..., _Moving]]:
+    return {name: _chained(*known) for name, known in _FUNCTIONS.items()}
 
 
 class _Evaluator(SimpleEval):
     """simpleeval cut down to arithmetic; numbers become float64, so that `**` can overflow but never hang."""
 
-    def __init__(self, names: Mapping[str, Any]) -> None:
-        super().__init__(_OPERATORS, {name: call for name, (_, call) in _FUNCTIONS.items()}, names)
+    def __init__(self, names: Mapping[str, _Moving]) -> None:
+        super().__init__(_operators(), _functions(), names)
         self.nodes = {
-            ast.Constant: lambda node: np.float64(node.value),
+            ast.Constant: lambda node: _Moving(np.float64(node.value)),
             ast.Name: self._eval_name,
             ast.UnaryOp: self._eval_unaryop,
             ast.BinOp: self._eval_binop,
@@ -105,13 +154,29 @@ class Expression:
 
         Arithmetic is IEEE and silent: log(-1) is nan and 1/0 is inf, for the caller to judge.
         """
+        moving, shape = self._evaluated(values)
+        return np.array(np.broadcast_to(moving.value, shape))
+
+    def rate(self, **values: ArrayLike) -> Array:
+        """Return the derivative along the variable t, exact but for round-off; shape as of the values.
+
+        At a kink it lies between those of the two sides; where it is infinite or has no value so is this.
+        """
+        moving, shape = self._evaluated(values)
+        return np.array(np.broadcast_to(0.0 if moving.rate is None else moving.rate, shape))
+
+    def _evaluated(self, values: Mapping[str, ArrayLike]) -> tuple[_Moving, tuple[int, ...]]:
+        """Value and rate, and the shape they are broadcast to."""
         if set(values) != set(self.variables):
             raise TypeError(f"expected values for {', '.join(self.variables)}, not for {', '.join(values)}")
         arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+        names = {
+            name: _Moving(value, 1.0 if name == "t" else None)
+            for name, value in (arrays | _CONSTANTS).items()
+        }
         with np.errstate(all="ignore"):
-            result = _Evaluator(arrays | _CONSTANTS).eval(self.text, previously_parsed=self._tree)
-        shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
-        return np.array(np.broadcast_to(result, shape))
+            moving = _Evaluator(names).eval(self.text, previously_parsed=self._tree)
+        return moving, np.broadcast_shapes(*(array.shape for array in arrays.values()))
 
     def __str__(self) -> str:
         return self.text
@@ -176,7 +241,7 @@ def _check(node: ast.expr, variables: tuple[str, ...]) -> None:
             if name not in _FUNCTIONS:
                 valid = f"valid functions are {', '.join(_FUNCTIONS)}"
                 raise ValueError(f"unknown function {brief(name, 40)}; {valid}")
-            if len(arguments) != _FUNCTIONS[name][0]:
+            if len(arguments) != len(_FUNCTIONS[name][1]):
                 raise ValueError(f"{len(arguments)} arguments for {name}; valid is {_signature(name)}")
             for argument in arguments:
                 _check(argument, variables)
@@ -215,5 +280,5 @@ def _weight(node: ast.AST) -> int:
 
 def _signature(name: str) -> str:
     """How a function is called: one argument, two, or the order and argument of J."""
-    arguments = "m, z" if name == "J" else ", ".join(["z", "w"][: _FUNCTIONS[name][0]])
+    arguments = "m, z" if name == "J" else ", ".join(["z", "w"][: len(_FUNCTIONS[name][1])])
     return f"{name}({arguments})"

@@ -92,15 +92,22 @@ def _motion(scene: Scene) -> Motion | None:
         return None
     formulas, turn = (scene.motion.x, scene.motion.y), turn_matrix(scene)
 
-    def motion(xi: Array, t: float) -> Array:
+    def position(xi: Array, t: float) -> Array:
         start = turn.T @ xi
-        return turn @ np.array([formula(x0=start[0], y0=start[1], t=t) for formula in formulas])
+        at = {"x0": start[0], "y0": start[1], "t": min(t, scene.time.end)}
+        return turn @ np.array([formula(**at) for formula in formulas])
 
-    return motion
+    def velocity(xi: Array, t: float) -> Array:
+        start = turn.T @ xi
+        at = {"x0": start[0], "y0": start[1], "t": scene.time.within(t)}
+        return turn @ np.array([formula.rate(**at) for formula in formulas])
+
+    return Motion(position, velocity)
 
 
 def _source(scene: Scene) -> Source | None:
     term = scene.source_term
     if term is None:
         return None
-    return lambda x, xi, t: in_scene_frame(scene, term, x, xi, t)
+    end = scene.time.end  # which the last stage of a step may pass by round-off
+    return lambda x, xi, t: in_scene_frame(scene, term, x, xi, min(t, end))

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.model import Closure, Delta, Model
-from actin_xcheck.core.parameters import DimensionalParameters, Parameters
+from actin_xcheck.core.parameters import IN_UNITS, UNITS, DimensionalParameters, Parameters
 from actin_xcheck.scene.expression import Expression
 from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene
 from actin_xcheck.scene.tables import (
@@ -31,6 +31,8 @@ from actin_xcheck.scene.tables import (
     Table,
     Time,
     mistake,
+    require_motion,
+    require_term,
 )
 
 _CONSTANT = (str(Delta.NONE), str(Delta.FULL))  # the linear theory takes delta constant
@@ -110,6 +112,19 @@ class Scene(Table):
                     given,
                     f"makes {group['loc'][0]} = {group['input']:.3g} of (3.1), which {_words(group)}",
                 ) from None
+        return self
+
+    @model_validator(mode="after")
+    def _formulas_have_values(self) -> Self:
+        p = self.parameters
+        displaced = bool(self.initial.u or self.initial.eigenmode)
+        rests_until = -1.0 if displaced else self.time.end if p.psi == p.p == 0 else 0.0
+        if self.motion:
+            require_motion(self.motion, self.time)
+        if term := self.source.a:
+            require_term("source.a", term, self.motion, rests_until, self.time.instants)
+        if exact := self.expect.exact:
+            require_term("expect.exact.a", exact.a, self.motion, rests_until, self.output_times)
         return self
 
     @model_validator(mode="after")
@@ -303,14 +318,17 @@ def _sentence(error: ErrorDetails) -> str:
         case "missing":
             if isinstance(location[-1], int):
                 return f"{key} is missing; valid are two entries"
-            return f"{key} is missing; required keys are {', '.join(_required(_table_at(location[:-1])))}"
+            required = ", ".join(_required(_table_at(location[:-1])))
+            units = f"; {IN_UNITS}" if location[:-1] == ("dimensional",) else ""
+            return f"{key} is missing; required keys are {required}{units}"
         case "model_type":
             what = f"should be a table with keys among {', '.join(_keys(_table_at(location)))}"
         case "string_pattern_mismatch":
             what = "should be letters, digits, '-', '_' and '.', a letter or digit first"
         case _:
             what = _words(error)
-    return f"{key} = {_GIVEN.repr(context.get('given', error['input']))}: {what}"
+    unit = f", in {UNITS[str(location[1])]}" if location[:-1] == ("dimensional",) else ""
+    return f"{key} = {_GIVEN.repr(context.get('given', error['input']))}: {what}{unit}"
 
 
 def _words(error: ErrorDetails) -> str:

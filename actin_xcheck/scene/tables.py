@@ -4,6 +4,7 @@ A scene is stated in its own frame; `[domain] rotation` turns all of it about th
 quantities are non-dimensional unless they stand under `[dimensional]`.
 """
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Annotated, Self, TypeVar
 
@@ -26,7 +27,13 @@ LATEST = 1e6
 """The last time that steps of `RESOLVED` still reach in double precision."""
 
 LARGEST = 1e6
-"""Of concentrations and lengths at t = 0."""
+"""Of concentrations, lengths and velocities, and of what a source adds to a concentration."""
+
+EARLIEST = 1e-100
+"""Where the velocity at t = 0 is taken: products of 0 and infinity have found their limit there."""
+
+NEAR = 1e-7
+"""How close to the centre and to the rim a formula is tried that is never taken right there."""
 
 T = TypeVar("T")
 Many = Annotated[tuple[T, ...], Field(strict=False, fail_fast=True)]  # a TOML array
@@ -88,19 +95,65 @@ def mistake(key: str, given: object, valid: str) -> PydanticCustomError:
     return PydanticCustomError("scene", "{valid}", {"key": key, "given": given, "valid": valid})
 
 
-def _disk() -> Array:
+def _disk(margin: float = 0.0) -> Array:
     """Points (2, n) fine enough to find where a formula fails on the unit disk: centre, rim and between."""
-    r, theta = np.meshgrid(np.linspace(0, 1, 101), np.linspace(0, 2 * np.pi, 360, endpoint=False))
+    radii = np.linspace(margin, 1 - margin, 101)
+    r, theta = np.meshgrid(radii, np.linspace(0, 2 * np.pi, 360, endpoint=False))
     return np.stack([r * np.cos(theta), r * np.sin(theta)]).reshape(2, -1)
 
 
-def _require(key: str, given: Expression, good: NDArray[np.bool_], values: Array, what: str) -> None:
-    """Raise unless the values of an expression at t = 0 are good at all points of `_disk`."""
+def _few(margin: float = 0.0) -> Array:
+    """Some of `_disk`: every 97th of 101 on each radius, centre and rim among them."""
+    return _disk(margin)[:, ::97]
+
+
+def _require(
+    key: str,
+    given: Expression,
+    good: NDArray[np.bool_],
+    values: Array,
+    what: str,
+    points: Array | None = None,
+    t: float = 0.0,
+) -> None:
+    """Raise unless the values of an expression are good at all points, those of `_disk` if none are given."""
     if not good.all():
         worst = int(np.argmin(good))
-        x, y = _disk()[:, worst].round(6) + 0.0  # + 0.0: no minus zero
+        x, y = (_disk() if points is None else points)[:, worst].round(6) + 0.0  # + 0.0: no minus zero
         where = f"is {values[worst]:.6g} at (x, y) = ({x:.6g}, {y:.6g})"
-        raise mistake(key, str(given), f"should be {what} on the unit disk at t = 0, but {where}")
+        raise mistake(key, str(given), f"should be {what} on the unit disk at t = {t:.6g}, but {where}")
+
+
+def require_motion(motion: "Motion", time: "Time") -> None:
+    """Raise unless a motion has positions and velocities from t = 0 to the end."""
+    few = _few()
+    for key, component in ("motion.x", motion.x), ("motion.y", motion.y):
+        for t in time.instants:
+            at = {"x0": few[0], "y0": few[1]}
+            position, velocity = component(**at, t=t), component.rate(**at, t=time.within(t))
+            finite = f"finite and at most {LARGEST:g}"
+            _require(key, component, np.abs(position) <= LARGEST, position, finite, few, t)
+            slow = f"moving no faster than {LARGEST:g}"
+            _require(key, component, np.abs(velocity) <= LARGEST, velocity, slow, few, t)
+
+
+def require_term(
+    key: str, term: Expression, motion: "Motion | None", rests_until: float, times: Iterable[float]
+) -> None:
+    """Raise unless a term of current position, material point and time has values at all times.
+
+    Points are where the motion takes them, or at rest.  Later the force balance may have taken them anywhere:
+    then it is enough that there is a value somewhere on the disk.
+    """
+    origin = _few(NEAR)
+    at = {"x0": origin[0], "y0": origin[1]}
+    for t in times:
+        x = origin if motion is None else np.array([one(**at, t=t) for one in (motion.x, motion.y)])
+        values = term(**coordinates(x), **at, t=t)
+        good = np.abs(values) <= LARGEST
+        if motion is None and t > rests_until:
+            good = np.full_like(good, good.any())
+        _require(key, term, good, values, f"finite and at most {LARGEST:g}", origin, t)
 
 
 class Table(BaseModel):
@@ -132,7 +185,7 @@ class ParametersTable(Table):
 
 
 class DimensionalTable(Table):
-    """`[dimensional]`: units and defaults of Table 1."""
+    """`[dimensional]`: `parameters.UNITS` and defaults of Table 1."""
 
     psi: NonNegative
     p: float
@@ -213,6 +266,15 @@ class Time(Table):
                 valid = f"should keep {RESOLVED:g} apart from 0 and from each other, the end among them"
                 raise mistake("end" if after == self.end else "outputs", after, valid)
         return self
+
+    @property
+    def instants(self) -> Array:
+        """Times (n,) at which formulas are tried."""
+        return np.unique(np.concatenate([np.linspace(0.0, self.end, 33), self.outputs[:100]]))
+
+    def within(self, t: float) -> float:
+        """A time between 0 and the end and not at them, for derivatives that are one-sided there."""
+        return float(min(max(t, EARLIEST), np.nextafter(self.end, 0.0)))
 
 
 class Probes(Table):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.model import Delta, Rheology
 
 
@@ -117,7 +117,7 @@ TERMS = (
         '[motion] x = "x0", y = "y0"',
         lambda problem: True,
         lambda problem: "" if _moves(problem) else "nothing moves: ψ = p = 0, u = 0",
-        lambda problem: replace(problem, motion=lambda xi, t: xi),
+        lambda problem: replace(problem, motion=Motion(lambda xi, t: xi, lambda xi, t: np.zeros_like(xi))),
     ),
     Term(
         "diffusion",

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
@@ -42,7 +42,7 @@ def _transport() -> Finding:
     exact = (stretch**2 - stretch + 0.5 + 0.5 * math.exp(-end)) / stretch**2
 
     def error(steps: int) -> float:
-        motion = PrescribedMotion(mesh.xi, lambda xi, t: xi * (1 + t / 2))
+        motion = PrescribedMotion(mesh.xi, Motion(lambda xi, t: xi * (1 + t / 2), lambda xi, t: xi / 2))
         problem = Problem(Model(Parameters(0.0, 0.0)), lambda xi: np.ones(xi.shape[1]), np.zeros_like)
         solver = load(METHODS["fem-p1-paper"].solver)(problem, mesh, motion)
         state = solver.init()
