@@ -19,10 +19,9 @@ from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
 
-from actin_xcheck.cli import app as cli  # which loads all answers  # noqa: F401
 from actin_xcheck.cli.output import schemas
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.theory.errata import ERRATA
+from actin_xcheck.theory.errata import errata
 
 PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
 
@@ -63,7 +62,7 @@ def _formula(latex: str, display: bool) -> str:
 
 
 def _errata() -> str:
-    rows = ((str(one.number), one.where, one.printed, one.corrected, one.reason) for one in ERRATA)
+    rows = ((str(one.number), one.where, one.printed, one.corrected, one.reason) for one in errata())
     return _rows(("no.", "where", "printed", "holds", "because"), rows)
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
-from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.shelf import scene_text, shipped_scenes
 from tests.hostile_reports import REPORTS, a_report
 
 SMALL = """name = "h"

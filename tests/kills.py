@@ -19,6 +19,7 @@ from pathlib import Path
 
 from actin_xcheck.core.files import unfinished
 from actin_xcheck.core.outcome import Outcome
+from actin_xcheck.core.signals import stop_signals
 from actin_xcheck.runs import checkpoint
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.fidelity import Fidelity, reduced
@@ -115,7 +116,7 @@ def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = Fal
 
     scene, method = kind.loaded, METHODS[kind.method]
     reduction = reduced(scene, method, kind.fidelity, kind.rtol)
-    with checkpoint.stop_signals() as stop:
+    with stop_signals() as stop:
         return runs.run(
             scene,
             method,

@@ -15,10 +15,12 @@ import typer
 from actin_xcheck.cli import nightly as commands
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
+from actin_xcheck.nightly import plan as plans
 from actin_xcheck.nightly.checks import Found, NotDecided
 from actin_xcheck.nightly.history.record import Kind, Number
 from actin_xcheck.nightly.plan import Plan
 from actin_xcheck.nightly.record import FILE_NAME, Kept, read_night
+from actin_xcheck.runs import executor
 from actin_xcheck.runs.workers import in_turn as in_this_process
 from tests.claims import claim
 from tests.processes import in_turn
@@ -62,7 +64,7 @@ class Stub:
 @pytest.fixture
 def here(monkeypatch):
     """All work is done in this process, which saves seconds of imports."""
-    for module in (commands, work):
+    for module in (executor, work):
         monkeypatch.setattr(module, "executor", in_turn)
     monkeypatch.setattr(work, "work_alone", lambda find, task, report: find(task, report))
 
@@ -73,7 +75,7 @@ def night(here, monkeypatch, tmp_path):
 
     def run(*stubs, controls=(), **options):
         plan = Plan(stubs, tuple(controls))
-        monkeypatch.setattr(commands, "suite", lambda: plan)
+        monkeypatch.setattr(plans, "suite", lambda: plan)
         with pytest.raises(typer.Exit) as left, in_this_process():
             commands.nightly_command(**{"out_dir": tmp_path, "quiet": True, "jobs": 1, **options})
         return left.value.exit_code
@@ -89,8 +91,8 @@ def only_night(folder: Path) -> Kept:
 def drive(out: str, log: str, *options: str) -> None:
     """In a process of its own: `nightly` with slow stubs, as the command line calls it."""
     plan = Plan(tuple(Stub(f"check {i}", 0.1 * i, lasts=0.3, log=log) for i in range(5)))
-    commands.suite = lambda: plan
-    commands.executor = work.executor = in_turn
+    plans.suite = lambda: plan
+    executor.executor = work.executor = in_turn
     work.work_alone = lambda find, task, report: find(task, report)
     try:
         commands.nightly_command(out_dir=Path(out), quiet=True, jobs=1, resume="--resume" in options)

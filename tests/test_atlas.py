@@ -21,16 +21,10 @@ from actin_xcheck.studies.theory.regions import (
     maps,
 )
 from actin_xcheck.studies.theory.sheets import errata_sheet
-from actin_xcheck.theory import (
-    DiskModes,
-    Mode,
-    Version,
-    growth_rates,
-    modes_below,
-    sigma_prime,
-    wavenumber,
-)
 from actin_xcheck.theory.borders import at, cell_branches, prove
+from actin_xcheck.theory.dispersion import Version, growth_rates, sigma_prime
+from actin_xcheck.theory.exact import DiskModes
+from actin_xcheck.theory.modes import Mode, modes_below, wavenumber
 from tests.colours import SEEN, lab, linear
 
 CELLS = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE]

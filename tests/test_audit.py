@@ -33,7 +33,7 @@ from actin_xcheck.studies.audit.simulations.readouts import (
 from actin_xcheck.studies.audit.simulations.studies import FEM, Evidence, Limit, Study, changed, plan
 from actin_xcheck.studies.audit.simulations.translation import UnprojectedKrylov
 from actin_xcheck.studies.compare import is_done, run_all
-from actin_xcheck.theory import Mode
+from actin_xcheck.theory.modes import Mode
 
 
 def quiet(label, done, total):

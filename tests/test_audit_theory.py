@@ -11,7 +11,8 @@ from actin_xcheck.core.model import Delta, Model
 from actin_xcheck.studies.audit.row import Finding, Judgement
 from actin_xcheck.studies.audit.theory import THEORY, equations_linear, stability_sentences, tables
 from actin_xcheck.studies.audit.theory.measures import Triangles, disk_quadrature, found, rounds_to
-from actin_xcheck.theory import Mode, Version, sigma_prime
+from actin_xcheck.theory.dispersion import Version, sigma_prime
+from actin_xcheck.theory.modes import Mode
 
 ROWS = {row.key: row for row in THEORY}
 

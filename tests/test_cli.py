@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.runs.executor import cores, jobs_asked
-from actin_xcheck.scene.scene import scene_text
+from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import folder as folders
 from actin_xcheck.studies.folder import report_folder
 from tests.processes import posix

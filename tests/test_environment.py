@@ -20,7 +20,9 @@ from actin_xcheck.cli import app as cli
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.alone import have_room_for_sockets
 from actin_xcheck.runs.store import provenance
-from actin_xcheck.scene.scene import load_scene, shipped_scenes
+from actin_xcheck.scene import shelf
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.shelf import shipped_scenes
 from fv import mesh as fv_mesh
 from tests.processes import posix
 from tests.test_report import ANOTHER_STYLE
@@ -190,7 +192,7 @@ def test_the_end_of_a_file_is_no_interrupt(monkeypatch: pytest.MonkeyPatch) -> N
     def broken() -> None:
         raise EOFError("a pipe's other end has gone")
 
-    monkeypatch.setattr(cli, "shipped_scenes", broken)
+    monkeypatch.setattr(shelf, "shipped_scenes", broken)
     monkeypatch.setattr(sys, "argv", ["actin_xcheck", "scenes"])
     with pytest.raises(EOFError, match="a pipe's other end"):
         cli.main()

@@ -8,7 +8,8 @@ import pytest
 
 from actin_xcheck.cli.app import main
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.scene.scene import load_scene, scene_text
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies.extremes.approach import Approach, least_dilation
 from actin_xcheck.studies.extremes.attempt import attempt
 from actin_xcheck.studies.extremes.breakdown import agreement, breakdowns

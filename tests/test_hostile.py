@@ -17,7 +17,8 @@ from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Line, Plot, Sheet
 from actin_xcheck.runs.store import write_comparison
 from actin_xcheck.scene.expression import MAX_CALLS, Expression, coordinates
-from actin_xcheck.scene.scene import MAX_SIZE, Scene, load_scene, parse_scene
+from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.shelf import MAX_SIZE
 from actin_xcheck.studies.compare_page import write_report
 from tests.claims import claim
 from tests.hostile import MEGABYTES, campaign, summary

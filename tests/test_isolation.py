@@ -15,13 +15,26 @@ BEYOND_A_SOLVER = {
 }
 
 
-def loaded_by(statement, *arguments):
-    """Modules in a fresh interpreter after a statement; our own ones by full name, others by package."""
-    report = "print('\\n'.join(m if m.startswith('actin_xcheck') else m.split('.')[0] for m in sys.modules))"
-    command = [sys.executable, "-W", "error", "-c", f"import sys\n{statement}\n{report}", *arguments]
+COMMAND = "sys.argv[0] = 'actin_xcheck'\nfrom actin_xcheck.__main__ import main\nmain()"
+
+
+def modules_after(statement, *arguments, code=0):
+    """Names of all modules in a fresh interpreter after a statement, which ends with the code."""
+    report = "atexit.register(lambda: print('modules', *sys.modules))"
+    command = [sys.executable, "-W", "error", "-c", f"import atexit, sys\n{report}\n{statement}", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
-    return set(done.stdout.split())
+    assert done.returncode == code, done.stderr
+    return done.stdout.splitlines()[-1].split()[1:]
+
+
+def loaded_by(statement, *arguments, code=0):
+    """The same; our own ones by full name, others by package."""
+    every = modules_after(statement, *arguments, code=code)
+    return {name if name.startswith("actin_xcheck") else name.split(".")[0] for name in every}
+
+
+def ours(modules):
+    return [name for name in modules if name.split(".")[0] in ("actin_xcheck", "fem", "fv")]
 
 
 @pytest.mark.parametrize("target", sorted({m.solver for m in METHODS.values()} | {FORCE_BALANCE}))
@@ -35,8 +48,65 @@ def test_a_solver_loads_no_parser_no_theory_no_store_and_not_the_other_code(targ
     assert mine == "fem" or "skfem" not in loaded
 
 
-def test_the_command_line_imports_no_solver_until_it_needs_one():
-    assert not loaded_by("import actin_xcheck.cli.app") & {"fem", "fv", "fipy", "skfem"}
+HEAVY = {"numpy", "scipy", "h5py", "matplotlib", "jinja2", "rich", "sqlite3", "fem", "fv", "fipy", "skfem"}
+"""Packages that nobody waits for who has mistyped a word."""
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "may"),
+    [
+        (["--help"], 0, set()),
+        (["run", "--help"], 0, set()),
+        (["chrat"], 2, set()),
+        (["run", "static-decay", "--metod", "fem-p1-paper"], 2, set()),
+        (["scenes"], 0, {"rich"}),  # it prints a table
+        (["scenes", "show", "static-decay"], 0, set()),
+    ],
+)
+def test_help_mistakes_and_scenes_load_next_to_nothing(words, code, may):
+    loaded = modules_after(COMMAND, *words, code=code)
+    assert not {name.split(".")[0] for name in loaded} & (HEAVY - may)
+    assert len(ours(loaded)) < 35
+
+
+@pytest.mark.parametrize(("method", "other"), [("fem-p1-paper", "fv"), ("fv-coupled", None)])
+def test_a_run_loads_its_solver_and_what_stores_it(method, other, tmp_path):
+    words = ["run", "static-decay", "--method", method, "--refine", "1", "--quiet"]
+    loaded = modules_after(COMMAND, *words, "--out", str(tmp_path / "a.vtkhdf"))
+    packages = {name.split(".")[0] for name in loaded}
+    assert not packages & {"jinja2", "distributed", "pyvista", "ruptures", "sympy"}
+    assert other is None or not packages & {other, "fipy", "matplotlib"}
+    assert len(ours(loaded)) < 100
+    studies = {name for name in loaded if name.startswith(("actin_xcheck.studies.", "actin_xcheck.verdicts"))}
+    assert studies <= {"actin_xcheck.studies.folder"}
+
+
+@pytest.mark.parametrize(
+    "module", ["distort.measure", "extremes.attempt", "closures.refinement", "frontier.answers", "sweep.task"]
+)
+def test_a_worker_loads_no_solver_before_its_task_names_one(module):
+    loaded = loaded_by(f"import actin_xcheck.studies.study, actin_xcheck.studies.{module}")
+    assert not loaded & {"fem", "fv", "fipy", "skfem", "matplotlib", "jinja2", "typer", "rich"}
+
+
+def test_nothing_is_computed_when_modules_are_imported():
+    """Scenes are read, growth rates found and processes prepared where they are asked for."""
+    statement = """
+import importlib, pkgutil
+import actin_xcheck.scene.scene as scene, actin_xcheck.theory.growth as growth
+import actin_xcheck.runs.alone as alone
+
+def refuse(*arguments):
+    raise AssertionError("computed at import")
+
+scene.load_scene = scene.parse_scene = growth.amplitude_at_rest = alone.prepare = refuse
+for name in ("actin_xcheck", "fem"):
+    package = importlib.import_module(name)
+    for found in pkgutil.walk_packages(package.__path__, f"{name}."):
+        if not found.name.endswith(("__main__", "forking")):
+            importlib.import_module(found.name)
+"""
+    assert "actin_xcheck.nightly.plan" in loaded_by(statement)
 
 
 @pytest.mark.parametrize("flag", ["--petsc", "--inline", "--trilinos", "--pyamgx"])

@@ -12,7 +12,9 @@ from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.theory import DiskModes, active_slope, eigenfield, growth_rate, stiffness
+from actin_xcheck.theory.dispersion import active_slope, stiffness
+from actin_xcheck.theory.eigenfields import eigenfield, growth_rate
+from actin_xcheck.theory.exact import DiskModes
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.reduced.modal import Modal

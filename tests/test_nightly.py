@@ -11,6 +11,7 @@ import pytest
 from actin_xcheck.cli import nightly as commands
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
+from actin_xcheck.nightly import night as nights_code
 from actin_xcheck.nightly.checks import Costed
 from actin_xcheck.nightly.history.database import read_claims, read_nights, read_numbers
 from actin_xcheck.nightly.nights import HISTORY, new_folder
@@ -219,7 +220,7 @@ def test_other_code_does_not_go_on_with_a_night(night, tmp_path, monkeypatch):
     assert night(Stub("one")) == 0
     path = only_night(tmp_path).folder / FILE_NAME
     path.write_text("\n".join(path.read_text().splitlines()[:-1]) + "\n")
-    monkeypatch.setattr(commands, "provenance", lambda: {"commit": "other"})
+    monkeypatch.setattr(nights_code, "provenance", lambda: {"commit": "other"})
     with pytest.raises(UserError, match=r"begun by other code \(commit .* -> other\); valid: without"):
         commands.nightly_command(out_dir=tmp_path, quiet=True, resume=True)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli import nightly as commands
+from actin_xcheck.cli.output import NightAnswer
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
@@ -56,7 +57,7 @@ def test_the_summary_says_what_fails(night, tmp_path, capsys):
     said = json.loads(capsys.readouterr().out)
     kept = only_night(tmp_path)
     assert said == json.loads((kept.folder / "summary.json").read_text())
-    assert commands.NightAnswer.model_validate(said | {"failed": []}).green is False
+    assert NightAnswer.model_validate(said | {"failed": []}).green is False
     assert said["claims"] == {"PASS": 1, "FAIL": 2}
     assert [one["check"] for one in said["failed"]] == ["red", "none"]
     assert said["failed"][1]["value"] is None  # no number is a failure

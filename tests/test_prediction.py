@@ -9,27 +9,21 @@ from scipy.special import jnp_zeros, jvp
 
 from actin_xcheck.core.model import Array, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.theory import (
-    ERRATA,
-    TABLE_4_PRINTED,
-    TABLE_6_PRINTED,
-    Mode,
+from actin_xcheck.theory.dispersion import (
     Version,
-    amplitude_at_rest,
     coefficients,
-    count_below,
     growth_rates,
     isolated_modes,
     k2_crit,
     leading_growth_rate,
-    modes_below,
     printed_3_7,
     sigma_prime,
-    table_6,
     unstable_modes,
     wall_eigenfield,
-    wavenumber,
 )
+from actin_xcheck.theory.errata import TABLE_4_PRINTED, TABLE_6_PRINTED, errata
+from actin_xcheck.theory.growth import amplitude_at_rest
+from actin_xcheck.theory.modes import Mode, count_below, modes_below, table_6, wavenumber
 from tests.lab import linear_model
 
 
@@ -363,16 +357,16 @@ def test_table_4_is_wrong_in_three_rows_whatever_delta() -> None:
                 assert k2_crit(row.model(delta), Version.AS_PRINTED) == pytest.approx(
                     crit[row.psi][i], abs=5e-5
                 )
-    named = [erratum.where for erratum in ERRATA if erratum.number == 3]
+    named = [erratum.where for erratum in errata() if erratum.number == 3]
     assert named == [f"Table 4, ψ = {psi}" for psi in crit]
 
 
 def test_errata_cover_all_eight_causes_in_order_and_carry_computed_numbers() -> None:
-    numbers = [erratum.number for erratum in ERRATA]
+    numbers = [erratum.number for erratum in errata()]
     assert numbers == sorted(numbers)
     assert set(numbers) == set(range(1, 9))
-    assert all(erratum.printed != erratum.corrected and erratum.reason.endswith(".") for erratum in ERRATA)
-    text = {n: " ".join(f"{e.corrected} {e.reason}" for e in ERRATA if e.number == n) for n in set(numbers)}
+    assert all(erratum.printed != erratum.corrected and erratum.reason.endswith(".") for erratum in errata())
+    text = {n: " ".join(f"{e.corrected} {e.reason}" for e in errata() if e.number == n) for n in set(numbers)}
     assert "1.6503 and 0.2157" in text[1]
     assert "1.1667" in text[1]
     assert "17.68" in text[4]

@@ -13,7 +13,8 @@ from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.march import Tolerance, integrate
-from actin_xcheck.theory import eigenfield, wavenumber
+from actin_xcheck.theory.eigenfields import eigenfield
+from actin_xcheck.theory.modes import wavenumber
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.reduced.radial import Radial

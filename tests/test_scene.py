@@ -17,7 +17,8 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import resolve
-from actin_xcheck.scene.scene import load_scene, parse_scene, scene_text, shipped_scenes
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.scene.shelf import listed, scene_text, shipped_scenes
 
 GOOD = """
 name = "mine"
@@ -440,3 +441,11 @@ def test_table_5_is_converted(name, psi):
 def test_every_shipped_scene_is_a_toml_file_of_documented_tables():
     tables = {key for name in shipped_scenes() for key in tomllib.loads(scene_text(name))}
     assert tables >= {"parameters", "dimensional", "motion", "source", "expect", "as_published"}
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_list_says_of_a_scene_what_loading_it_does(name):
+    scene = load_scene(name)
+    p, physics = scene.parameters, scene.physics
+    model = f"psi {p.psi:g}, p {p.p:g}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
+    assert listed(name) == (scene.name, scene.citation, model)

@@ -11,7 +11,8 @@ from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_comparison, read_run
-from actin_xcheck.scene.scene import load_scene, parse_scene, scene_text
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import compare
 from actin_xcheck.studies.compare import Job, companions, jobs_of
 from actin_xcheck.studies.compare_page import write_report

@@ -2,15 +2,13 @@
 
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-import numpy as np
 import typer
-from rich.table import Column, Table
 
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
@@ -18,36 +16,14 @@ from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.converge import converge_command
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
-from actin_xcheck.cli.options import print_table
-from actin_xcheck.cli.output import Json, ReportAnswer, conclude
+from actin_xcheck.cli.options import Json, print_table
 from actin_xcheck.cli.paper import paper_command
 from actin_xcheck.cli.render import export_command, render_command
 from actin_xcheck.cli.run import run_command
 from actin_xcheck.cli.sweep import sweep_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
-from actin_xcheck.nightly.dashboard import write_night_page
-from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
-from actin_xcheck.runs.checkpoint import ending_signals
+from actin_xcheck.core.signals import ending_signals
 from actin_xcheck.runs.executor import end_all
-from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
-from actin_xcheck.studies.audit.page import write_audit_page
-from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
-from actin_xcheck.studies.chart.page import write_chart_page
-from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
-from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
-from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.converge.page import write_convergence_page
-from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.studies.page import study_file, write_page
-
-_PAGES = {
-    AUDIT_FILE: write_audit_page,
-    CHART_FILE: write_chart_page,
-    COMPARISON_FILE: write_report,
-    CONVERGENCE_FILE: write_convergence_page,
-    NIGHT_FILE: write_night_page,
-}
-"""What writes the page of a report, by the file that a report of its kind is kept in."""
 
 app = typer.Typer(
     add_completion=False,
@@ -81,26 +57,34 @@ app.command("nightly")(nightly_command)
 def scenes_command(context: typer.Context) -> None:
     """List the shipped scenes with what they are."""
     if context.invoked_subcommand is None:
+        from rich.table import Column, Table
+
+        from actin_xcheck.scene.shelf import listed, shipped_scenes
+
         table = Table(Column("scene", no_wrap=True), "from", "model", box=None)
-        for scene in map(load_scene, shipped_scenes()):
-            parameters, physics = scene.parameters, scene.physics
-            numbers = f"psi {parameters.psi:g}, p {parameters.p:g}"
-            model = f"{numbers}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
-            table.add_row(scene.name, scene.citation, model)
+        for name in shipped_scenes():
+            table.add_row(*listed(name))
         print_table(table)
 
 
 @scenes_app.command("show")
 def scenes_show(name: str) -> None:
     """Print a scene's TOML: the start of a scene of one's own."""
+    from actin_xcheck.scene.shelf import scene_text
+
     sys.stdout.write(scene_text(name))
 
 
 @app.command("report")
 def report_command(folder: Path, json: Json = False) -> None:
     """Write the HTML report of a comparison, an audit, a study or predictions again, from its files alone."""
-    file = study_file(folder)
-    found = [page for name, page in _PAGES.items() if (folder / name).exists()]
+    import numpy as np
+
+    from actin_xcheck.cli.output import ReportAnswer, conclude
+    from actin_xcheck.studies.page import study_file, write_page
+
+    file, pages = study_file(folder), _pages()
+    found = [page for name, page in pages.items() if (folder / name).exists()]
     if not file and not found:
         raise UserError(f"{folder}: {_holds(folder)}; valid: the folder of a command that writes a report")
     try:
@@ -111,6 +95,28 @@ def report_command(folder: Path, json: Json = False) -> None:
     except Exception as error:  # its files may hold anything
         raise UserError(f"{folder}: cannot be drawn ({type(error).__name__}: {error})") from error
     conclude(ReportAnswer(command="report", page=str(page)), "", json)
+
+
+def _pages() -> dict[str, Callable[[Path], Path]]:
+    """What writes the page of a report that is no study, by the file that it is kept in."""
+    from actin_xcheck.nightly.dashboard import write_night_page
+    from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
+    from actin_xcheck.studies.audit.page import write_audit_page
+    from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
+    from actin_xcheck.studies.chart.page import write_chart_page
+    from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
+    from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
+    from actin_xcheck.studies.compare_page import write_report
+    from actin_xcheck.studies.converge.page import write_convergence_page
+    from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
+
+    return {
+        AUDIT_FILE: write_audit_page,
+        CHART_FILE: write_chart_page,
+        COMPARISON_FILE: write_report,
+        CONVERGENCE_FILE: write_convergence_page,
+        NIGHT_FILE: write_night_page,
+    }
 
 
 def _holds(folder: Path) -> str:

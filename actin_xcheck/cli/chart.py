@@ -5,15 +5,7 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command
-from actin_xcheck.cli.output import Json, ReportAnswer, conclude
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.runs.method import find_method
-from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.chart.advice import in_words
-from actin_xcheck.studies.chart.examine import default_methods, examine
-from actin_xcheck.studies.chart.page import write_chart_page
-from actin_xcheck.studies.folder import make_folder, report_folder
+from actin_xcheck.cli.options import Json, command
 
 
 def chart_command(
@@ -31,6 +23,15 @@ def chart_command(
     which the machine is best left alone.  Given an interrupted chart's folder, it goes on there.  Runs that
     fail are part of the chart: exit code 0, and 2 for a mistake in what was asked.
     """
+    from actin_xcheck.cli.output import ReportAnswer, conclude
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.runs.method import find_method
+    from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.chart.advice import in_words
+    from actin_xcheck.studies.chart.examine import default_methods, examine
+    from actin_xcheck.studies.chart.page import write_chart_page
+    from actin_xcheck.studies.folder import make_folder, report_folder
+
     loaded = load_scene(scene)
     methods = [find_method(name) for name in dict.fromkeys(method)] if method else default_methods()
     folder = report_folder(out_dir, f"chart-{loaded.name}")

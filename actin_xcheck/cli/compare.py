@@ -6,16 +6,7 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import Dt, Force, Quiet, Refine, Rtol, check_step, command, warn_of
-from actin_xcheck.cli.output import Json, ReportAnswer, conclude
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.method import find_method
-from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies import compare as comparison
-from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.folder import report_folder, report_in
-from actin_xcheck.verdicts.known_to import in_words, read_known_to
+from actin_xcheck.cli.options import Dt, Force, Json, Quiet, Refine, Rtol, check_step, command, warn_of
 
 
 def compare_command(
@@ -34,6 +25,16 @@ def compare_command(
     SCENE is a shipped name or the path of a TOML file; default: a wall mode, static-decay, growing-disk and
     Fig. 14.  Exit code 0 when all claims hold, 1 when one fails, 2 for a mistake in what was asked.
     """
+    from actin_xcheck.cli.output import ReportAnswer, conclude
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.runs.method import find_method
+    from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies import compare as comparison
+    from actin_xcheck.studies.compare_page import write_report
+    from actin_xcheck.studies.folder import report_folder, report_in
+    from actin_xcheck.verdicts.known_to import in_words, read_known_to
+
     check_step(dt)
     loaded = [load_scene(name) for name in scenes or comparison.DEFAULT_SCENES]
     if repeated := {s.name for s in loaded if [t.name for t in loaded].count(s.name) > 1}:

@@ -1,7 +1,6 @@
 """How every study is commanded: one set of options, one rule for folders, one way to say what came out."""
 
 import inspect
-import webbrowser
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -9,10 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.options import Force, Quiet, command
-from actin_xcheck.cli.output import Json, ReportAnswer, conclude
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.studies.folder import make_folder, report_folder
+from actin_xcheck.cli.options import Force, Json, Quiet, command
 
 if TYPE_CHECKING:
     from actin_xcheck.studies.study import Report, Study
@@ -46,10 +42,14 @@ def study_command(name: str) -> Callable[[Callable[..., "Study"]], Callable[...,
             json: Json = False,
             **asked: Any,
         ) -> None:
+            from actin_xcheck.studies.folder import report_folder
+
             study = asked_for(**asked)  # a mistake makes no folder
             folder = report_folder(out_dir, name)
             report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
             if open_page:
+                import webbrowser
+
                 webbrowser.open(page.resolve().as_uri())
             _say(name, report, page, json)
 
@@ -74,9 +74,11 @@ def carry_out(
     quiet: bool,
 ) -> tuple["Report", Path]:
     """Carry a study out in a folder and return its report and its page; with `force`, begin anew."""
+    from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import locked
     from actin_xcheck.runs.executor import executor, jobs_asked
     from actin_xcheck.studies import study as studies
+    from actin_xcheck.studies.folder import make_folder
     from actin_xcheck.studies.page import write_page
 
     processes_wanted = jobs_asked(jobs, scheduler)
@@ -91,6 +93,8 @@ def carry_out(
 
 def _say(name: str, report: "Report", page: Path, json: bool) -> None:
     """Say what a study came to; exit code 1 where a claim fails."""
+    from actin_xcheck.cli.output import ReportAnswer, conclude
+
     failed = [claim for claim in report.claims if claim.judged and not claim.holds]
     said = [f"FAIL {claim.sentence}" for claim in failed]
     verdicts = dict(Counter(claim.verdict for claim in report.claims))

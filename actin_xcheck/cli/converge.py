@@ -1,23 +1,13 @@
 """`converge`: observed orders, study by study."""
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
-from actin_xcheck.cli.options import command
-from actin_xcheck.cli.output import Json, ReportAnswer, conclude
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.method import METHODS, find_method
-from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.converge.examine import examine
-from actin_xcheck.studies.converge.page import write_convergence_page
-from actin_xcheck.studies.converge.studies import studies_of
-from actin_xcheck.studies.folder import make_folder, report_folder
-from actin_xcheck.verdicts.orders import Verdict
+from actin_xcheck.cli.options import Json, command
 
 DEFAULT_SCENES = {
     "static-decay": 2,
@@ -53,6 +43,17 @@ def converge_command(
     of these.  Given an interrupted report's folder, it goes on there.  Exit code 0 when no claim
     fails, 1 when one does, 2 for a mistake in what was asked.
     """
+    from actin_xcheck.cli.output import ReportAnswer, conclude
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.runs.method import find_method
+    from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.converge.examine import examine
+    from actin_xcheck.studies.converge.page import write_convergence_page
+    from actin_xcheck.studies.converge.studies import studies_of
+    from actin_xcheck.studies.folder import make_folder, report_folder
+    from actin_xcheck.verdicts.orders import Verdict
+
     chosen = {
         name: [find_method(one) for one in dict.fromkeys(method or _default_methods(name, bool(scenes)))]
         for name in dict.fromkeys(scenes or DEFAULT_SCENES)
@@ -83,7 +84,9 @@ def converge_command(
 
 def _default_methods(scene: str, named: bool) -> list[str]:
     """Those that move their own nodes: driven ones repeat their scheme, or stall and are shown once."""
-    highest = np.inf if named else DEFAULT_SCENES[scene]
+    from actin_xcheck.runs.method import METHODS
+
+    highest = math.inf if named else DEFAULT_SCENES[scene]
     return [
         one.name
         for one in METHODS.values()

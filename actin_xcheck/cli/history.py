@@ -1,35 +1,11 @@
 """`history` and `diff`: the nights that are kept, what changed in them, and two of them side by side."""
 
-import json
-import math
-import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import typer
-from rich.markup import escape
-from rich.table import Table
 
-from actin_xcheck.cli.options import print_table
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.nightly.history.changes import Shape
-from actin_xcheck.nightly.history.database import (
-    DEFAULT_PATH,
-    Counted,
-    find_night,
-    read_claims,
-    read_nights,
-    read_numbers,
-    read_series,
-)
-from actin_xcheck.nightly.history.record import Series
-from actin_xcheck.nightly.history.steps import Difference, Event, Turned, differences, events, turned
-
-_SHOWN = 40
-"""Lines of a table of changes at most; --json has them all."""
+DEFAULT_PATH = Path("reports") / "history.sqlite"
 
 File = Annotated[Path, typer.Option("--file", help="The history.")]
 Json = Annotated[bool, typer.Option("--json", help="The same as JSON, whole.")]
@@ -47,6 +23,12 @@ def history_command(
 
     Steps are found on the logarithm (orders and rates: as they are) among all numbers, or those of --key.
     """
+    from actin_xcheck.cli import history_tables as tables
+    from actin_xcheck.cli.options import print_table
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.nightly.history.database import read_nights, read_series
+    from actin_xcheck.nightly.history.steps import events
+
     nights = read_nights(file)
     series = read_series(file, key or "*") if steps or key else []
     if key and not series:
@@ -56,20 +38,20 @@ def history_command(
         )
     found = events(series) if steps else []
     if as_json:
-        _print_json(
-            {"nights": [_night(one) for one in nights]}
-            | ({"series": [_series(one) for one in series]} if key else {})
-            | ({"steps": [_event(event) for event in found]} if steps else {})
+        tables.print_json(
+            {"nights": [tables.plain_night(one) for one in nights]}
+            | ({"series": [tables.plain_series(one) for one in series]} if key else {})
+            | ({"steps": [tables.plain_event(event) for event in found]} if steps else {})
         )
         return
     if not steps and key is None:
-        print_table(_nights_table(nights))
+        print_table(tables.nights_table(nights))
     if key is not None:
-        print_table(_series_table(series))
+        print_table(tables.series_table(series))
     if steps:
-        print(_found_words(found, series))
-        print_table(_events_table(found[:_SHOWN]))
-        _say_rest(len(found))
+        print(tables.found_words(found, series))
+        print_table(tables.events_table(found[: tables.SHOWN]))
+        tables.say_rest(len(found))
 
 
 def diff_command(
@@ -79,130 +61,32 @@ def diff_command(
     as_json: Json = False,
 ) -> None:
     """Compare two nights: claims whose verdict turned, and numbers that differ, the largest change first."""
+    from dataclasses import asdict
+
+    from actin_xcheck.cli import history_tables as tables
+    from actin_xcheck.cli.options import print_table
+    from actin_xcheck.nightly.history.database import find_night, read_claims, read_nights, read_numbers
+    from actin_xcheck.nightly.history.steps import differences, turned
+
     nights = read_nights(file)
     before, after = (find_night(nights, name).night for name in (old, new))
     claims = turned(read_claims(file, before.name), read_claims(file, after.name))
     numbers = differences(read_numbers(file, before.name), read_numbers(file, after.name))
     news = after.differences(before)
     if as_json:
-        _print_json(
+        tables.print_json(
             {"old": before.name, "new": after.name, "news": news}
-            | {"claims": [asdict(one) for one in claims], "numbers": [_difference(one) for one in numbers]}
+            | {
+                "claims": [asdict(one) for one in claims],
+                "numbers": [tables.plain_difference(one) for one in numbers],
+            }
         )
         return
-    print(f"{before.name} ({before.date}) -> {after.name} ({after.date}): {_listed(news)}")
+    print(f"{before.name} ({before.date}) -> {after.name} ({after.date}): {tables.listed(news)}")
     print(f"{len(claims)} claims turned")
     if claims:
-        print_table(_turned_table(claims))
+        print_table(tables.turned_table(claims))
     print(f"{len(numbers)} numbers differ, {sum(one.weight >= 1 for one in numbers)} by what is of interest")
     if numbers:
-        print_table(_differences_table(numbers[:_SHOWN]))
-    _say_rest(len(numbers))
-
-
-def _nights_table(nights: Sequence[Counted]) -> Table:
-    table = Table("night", "begun", "commit", "machine", "hold", "fail", "not judged", "numbers", box=None)
-    for one in nights:
-        night, verdicts = one.night, one.verdicts
-        table.add_row(
-            *map(escape, (night.name, night.date, night.commit[:12], night.machine)),
-            *(str(verdicts[verdict]) for verdict in ("PASS", "FAIL", "NOT JUDGED")), str(one.numbers),
-        )  # fmt: skip
-    return table
-
-
-def _series_table(series: Sequence[Series]) -> Table:
-    table = Table("number", "kind", "nights", "median", "first", "last", "unit", box=None)
-    for one in series:
-        middle = f"{np.nanmedian(one.values):.4g}" if np.isfinite(one.values).any() else "nan"
-        first, last = (f"{one.values[at]:.4g}" for at in (0, -1))
-        table.add_row(escape(one.key), one.kind, str(len(one.nights)), middle, first, last, escape(one.unit))
-    return table
-
-
-def _events_table(found: Iterable[Event]) -> Table:
-    table = Table("night", "what", "number", "change", "likely within", "with", box=None)
-    for event in found:
-        what = str(event.shape) if event.shape is Shape.LOST else f"{event.shape}, {event.direction}"
-        first, last = event.within[0].name, event.within[-1].name
-        night = (
-            event.night.name if event.until is event.night else f"{event.night.name} to {event.until.name}"
-        )
-        likely = first if first == last else f"{first} to {last}"
-        if event.together > 1:
-            likely += f", by {event.together} numbers"
-        table.add_row(
-            *map(escape, (night, f"{what}{', minor' if event.minor else ''}", event.key, event.change)),
-            escape("exactly" if event.exact else likely),
-            escape(_listed(event.news)),
-        )  # fmt: skip
-    return table
-
-
-def _turned_table(claims: Iterable[Turned]) -> Table:
-    table = Table("claim", "was", "is", "value", "bound", box=None)
-    for one in claims:
-        values = f"{one.old:.3g} -> {one.new:.3g}"
-        table.add_row(escape(one.key), one.was, one.now, values, f"{one.bound:.3g}")
-    return table
-
-
-def _differences_table(numbers: Iterable[Difference]) -> Table:
-    table = Table("number", "is", "change", "unit", box=None)
-    for one in numbers:
-        minor = ", minor" if one.weight < 1 else ""
-        table.add_row(escape(one.key), f"{one.direction}{minor}", one.change, escape(one.unit))
-    return table
-
-
-def _found_words(found: Sequence[Event], series: Sequence[Series]) -> str:
-    sure = [event for event in found if event.shape is not Shape.SUSPECT]
-    of_interest = sum(not event.minor for event in sure)
-    return (
-        f"{len(series)} numbers: {of_interest} changes, {len(sure) - of_interest} minor ones, "
-        f"{len(found) - len(sure)} suspects in the newest nights"
-    )
-
-
-def _listed(news: Sequence[str]) -> str:
-    return "; ".join(news) or "same commit, versions and machine"
-
-
-def _say_rest(count: int) -> None:
-    if count > _SHOWN:
-        print(f"... and {count - _SHOWN} smaller ones (--json)")
-
-
-def _night(one: Counted) -> dict[str, Any]:
-    return asdict(one.night) | {"numbers": one.numbers, "claims": dict(one.verdicts)}
-
-
-def _series(one: Series) -> dict[str, Any]:
-    points = {night.name: value for night, value in zip(one.nights, one.values.tolist(), strict=True)}
-    return {"key": one.key, "kind": one.kind, "unit": one.unit, "values": points}
-
-
-def _event(event: Event) -> dict[str, Any]:
-    names = {"night": event.night.name, "until": event.until.name, "commit": event.night.commit}
-    named = asdict(event) | names | {"within": [night.name for night in event.within]}
-    return named | {"direction": event.direction, "minor": event.minor}
-
-
-def _difference(one: Difference) -> dict[str, Any]:
-    return asdict(one) | {"direction": one.direction}
-
-
-def _print_json(found: dict[str, Any]) -> None:
-    json.dump(_plain(found), sys.stdout, indent=1, allow_nan=False)
-    print()
-
-
-def _plain(found: Any) -> Any:
-    """The same for JSON, which knows no nan (null) and no infinity (a string)."""
-    if isinstance(found, dict):
-        return {name: _plain(value) for name, value in found.items()}
-    if isinstance(found, list | tuple):
-        return [_plain(value) for value in found]
-    if isinstance(found, float) and not math.isfinite(found):
-        return None if math.isnan(found) else str(found)
-    return found
+        print_table(tables.differences_table(numbers[: tables.SHOWN]))
+    tables.say_rest(len(numbers))

@@ -1,101 +1,23 @@
 """`nightly`: the verification suite within a budget, kept, judged, and drawn on the dashboard."""
 
-import math
-import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
-from contextlib import ExitStack
-from dataclasses import asdict, replace
-from datetime import UTC, datetime
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command
-from actin_xcheck.cli.output import Answer, Json, say
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.core.claim import ClaimKind, excess
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.files import locked, replace_file
-from actin_xcheck.nightly.baseline import against
-from actin_xcheck.nightly.carry_out import Work, carry_out, work_through
-from actin_xcheck.nightly.checks import Checked, Item, night_long
-from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
-from actin_xcheck.nightly.groups import group_of
-from actin_xcheck.nightly.history.database import find_night, read_claims, read_nights, read_numbers
-from actin_xcheck.nightly.junit import junit
-from actin_xcheck.nightly.nights import (
-    HISTORY,
-    judged_in,
-    machine,
-    new_folder,
-    numbers_of,
-    remember,
-    unfinished,
-)
-from actin_xcheck.nightly.plan import Plan, chosen, past, suite
-from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, Kept, read_night
-from actin_xcheck.nightly.remote import carry_out_elsewhere
-from actin_xcheck.runs.commands import command as command_of
-from actin_xcheck.runs.executor import executor, jobs_asked
-from actin_xcheck.runs.machine import reference_kernel
-from actin_xcheck.runs.store import provenance
-from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.hunt import control, missed
-from actin_xcheck.studies.folder import make_folder
+from actin_xcheck.cli.options import Json, command
 
-Kind = TypeVar("Kind", bound=Item)
+if TYPE_CHECKING:
+    from actin_xcheck.cli.output import NightAnswer
+    from actin_xcheck.nightly.record import Kept
 
 SUMMARY, JUNIT = "summary.json", "junit.xml"
 
 PAGES = 0.08
 """Share of a budget that is left for pages and the history."""
-
-
-class FailedClaim(Answer):
-    """A claim that fails."""
-
-    check: str
-    group: str
-    key: str
-    """Its name, which is the same every night and whatever its statement says."""
-    kind: ClaimKind
-    quantity: str
-    scene: str
-    methods: tuple[str, ...]
-    statement: str
-    value: float
-    bound: float
-    note: str
-    command: str
-    file: str
-    path: str
-
-
-class NightAnswer(Answer):
-    """`nightly`."""
-
-    command: Literal["nightly"] = "nightly"
-    night: str
-    folder: str
-    page: str
-    green: bool
-    fault: str
-    """The deliberate fault that was on; empty without."""
-    seconds: float
-    claims: dict[str, int]
-    """How many have which verdict."""
-    failed: tuple[FailedClaim, ...]
-    troubles: dict[str, str]
-    """Checks that came to no verdict, and why."""
-    not_run: dict[str, str]
-    """Checks that were left out, and why."""
-    checks: dict[str, float]
-    """Those that were run, with their seconds."""
-    commit: str
-    machine: str
 
 
 def nightly_command(
@@ -133,6 +55,34 @@ def nightly_command(
     and times: first what failed last, then what is cheapest.  Exit code 0 when all is green, 1 when not, 2
     for a mistake in what was asked.  A night with a deliberate fault is no part of the history.
     """
+    from contextlib import ExitStack
+    from dataclasses import replace
+    from datetime import UTC, datetime
+
+    from actin_xcheck.cli.output import say
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.core.files import locked, replace_file
+    from actin_xcheck.nightly.carry_out import Work, carry_out, work_through
+    from actin_xcheck.nightly.checks import night_long
+    from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
+    from actin_xcheck.nightly.history.database import find_night, read_nights
+    from actin_xcheck.nightly.junit import junit
+    from actin_xcheck.nightly.night import (
+        against_baseline,
+        begin,
+        check_same_code,
+        fault_missed,
+        gone_on_with,
+        without_watching,
+    )
+    from actin_xcheck.nightly.nights import HISTORY, new_folder, remember, unfinished
+    from actin_xcheck.nightly.plan import chosen, past, suite
+    from actin_xcheck.nightly.record import FILE_NAME, Journal, Kept, read_night
+    from actin_xcheck.nightly.remote import carry_out_elsewhere
+    from actin_xcheck.runs.executor import executor, jobs_asked
+    from actin_xcheck.studies.folder import make_folder
+
     history, count = out_dir / HISTORY, jobs_asked(jobs, scheduler)
     if resume and (only or failed or fault or baseline):
         raise UserError(
@@ -141,7 +91,7 @@ def nightly_command(
         )
     make_folder(out_dir)
     known = past(history)
-    plan = chosen(_without_watching(suite()) if fault else suite(), only or (), failed, known)
+    plan = chosen(without_watching(suite()) if fault else suite(), only or (), failed, known)
     if fault:
         with night_long(fault):
             plan = replace(plan, controls=(), costs=())
@@ -155,10 +105,10 @@ def nightly_command(
         journal = Journal(folder / FILE_NAME)
         if resume:
             kept = read_night(folder)
-            plan = _of(kept, suite())
-            _same_code(kept)
+            plan = gone_on_with(kept, suite())
+            check_same_code(kept)
         else:
-            kept = Kept(folder, _begin(folder, plan, budget, fault or "", baseline or ""))
+            kept = Kept(folder, begin(folder, plan, budget, fault or "", baseline or "", command()))
             journal.begin(kept.begun)
         minutes = budget or kept.begun.minutes
         spent = 0.0 if budget else kept.seconds
@@ -171,7 +121,7 @@ def nightly_command(
                 plan, kept, journal, known, processes, work, deadline, progress.report
             )
         kept = replace(kept, done=tuple(over), left_out=tuple(left_out))
-        for found in (_against(history, kept), _missed(kept)):
+        for found in (against_baseline(history, kept), fault_missed(kept)):
             if found:
                 journal.keep(found, kept.seconds + time.time() - begun_at)
                 kept = replace(kept, done=(*kept.done, found))
@@ -193,79 +143,10 @@ def nightly_command(
     raise typer.Exit(0 if kept.green else 1)
 
 
-def _begin(folder: Path, plan: Plan, budget: float | None, fault: str, baseline: str) -> Begun:
-    return Begun(
-        folder.name,
-        datetime.now(UTC).isoformat(timespec="microseconds"),  # by which it is told from others of the day
-        provenance(),
-        machine(),
-        command(),
-        budget or math.inf,
-        fault,
-        baseline,
-        tuple(item.name for item in plan.items),
-        float(reference_kernel()[0]),
-    )
+def _answer(kept: "Kept", page: Path) -> "NightAnswer":
+    from actin_xcheck.cli.output import FailedClaim, NightAnswer
+    from actin_xcheck.nightly.groups import group_of
 
-
-def _without_watching(plan: Plan) -> Plan:
-    """The plan for a night with a fault, whose checks need not tell what they call."""
-    checks = (replace(item, watches=False) if isinstance(item, Checked) else item for item in plan.checks)
-    return replace(plan, checks=tuple(checks))
-
-
-def _of(kept: Kept, plan: Plan) -> Plan:
-    """What a night had planned, in its order; UserError where a check of that name is no more."""
-    items = {item.name: item for item in plan.items}
-    if gone := [name for name in kept.begun.planned if name not in items]:
-        raise UserError(
-            f"--resume: {kept.folder} planned {gone[0]!r}, which is no check any more; valid: without"
-        )
-    place = {name: number for number, name in enumerate(kept.begun.planned)}
-
-    def ours(part: Sequence[Kind]) -> tuple[Kind, ...]:
-        planned = [item for item in part if item.name in place]
-        return tuple(sorted(planned, key=lambda item: place[item.name]))
-
-    return Plan(ours(plan.checks), ours(plan.controls), ours(plan.costs))
-
-
-def _same_code(kept: Kept) -> None:
-    """UserError where other code began the night: its numbers would be those of two commits."""
-    now, then = provenance(), dict(kept.begun.versions)
-    if other := [
-        f"{name} {then.get(name)} -> {now.get(name)}" for name in now if now[name] != then.get(name)
-    ]:
-        raise UserError(f"--resume: {kept.folder} was begun by other code ({other[0]}); valid: without")
-    if now["commit"].endswith("-dirty") or now["commit"] == "unknown":
-        print(f"warning: {kept.folder}: whether the code is the same cannot be told", file=sys.stderr)
-
-
-def _against(history: Path, kept: Kept) -> Done | None:
-    """The comparison with the baseline, as a check of its own; None without one, or where it was made."""
-    if not kept.begun.baseline or any(one.name.startswith("baseline ") for one in kept.done):
-        return None
-    began = time.perf_counter()
-    night = find_night(read_nights(history), kept.begun.baseline).night
-    old = read_numbers(history, night.name), read_claims(history, night.name)
-    new = list(numbers_of(kept)), {one.key: one for one in judged_in(kept.done)}
-    again = command_of("diff", night.name, kept.begun.name, file=history)
-    claims = tuple(against(night, again, old, new))
-    return Done(f"baseline {night.name}", claims, ("",) * len(claims), (), time.perf_counter() - began)
-
-
-def _missed(kept: Kept) -> Done | None:
-    """A deliberate fault with which all stayed green, as a control that fails; None without one."""
-    judged = [one for one in kept.done if not one.trouble and not one.name.startswith("baseline ")]
-    if not kept.begun.fault or any(one.red for one in judged):
-        return None
-    passed = tuple(one.name for one in kept.done)
-    why = f"missed: none of the night's {len(passed)} checks turned red"
-    claim = control(missed(FAULTS[kept.begun.fault], passed, why))
-    return Done(f"fault {kept.begun.fault}", (claim,), ("",), (), 0.0)
-
-
-def _answer(kept: Kept, page: Path) -> NightAnswer:
     verdicts = Counter(claim.verdict for claim in kept.claims)
     failing = [
         FailedClaim(check=done.name, group=group_of(claim), key=claim.key, file=file, **asdict(claim))
@@ -290,7 +171,9 @@ def _answer(kept: Kept, page: Path) -> NightAnswer:
     )
 
 
-def _print(kept: Kept, answer: NightAnswer, index: Path) -> None:
+def _print(kept: "Kept", answer: "NightAnswer", index: Path) -> None:
+    from actin_xcheck.core.claim import excess
+
     if kept.begun.fault:
         print(f"deliberate fault: {kept.begun.fault}")
     for one in answer.failed:

@@ -1,19 +1,25 @@
-"""What the commands share: options, where their results go, and the words they were given."""
+"""What the commands share: options, tables, and the words they were given.
+
+The modules of commands import what help needs, and a command the rest when it is called: help and a
+mistake in a word are there at once.
+"""
 
 import math
 import sys
 from dataclasses import asdict
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
+from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.model import CAVEATS
 from actin_xcheck.core.parameters import IN_UNITS, far_from_the_article
 from actin_xcheck.runs.commands import typed
-from actin_xcheck.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from actin_xcheck.scene.scene import Scene
 
 Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
@@ -24,13 +30,16 @@ Rtol = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on one line.")]
 
 _WHOLE = 10_000
 """Characters of the longest line that a table may have where nobody looks at it."""
 
 
-def print_table(table: Table) -> None:
+def print_table(table: "Table") -> None:
     """Print a table as wide as a terminal, and in whole lines where there is none."""
+    from rich.console import Console
+
     Console(highlight=False, width=None if sys.stdout.isatty() else _WHOLE).print(table)
 
 
@@ -45,7 +54,7 @@ def resuming_command() -> str:
     return typed([*words, "--resume"])
 
 
-def warn_of(scene: Scene) -> None:
+def warn_of(scene: "Scene") -> None:
     """Say on standard error what a user must know before believing the scene's results."""
     if caveat := CAVEATS.get(scene.physics.closure):
         print(f"warning: {scene.name}: {caveat}", file=sys.stderr)

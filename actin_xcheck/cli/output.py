@@ -1,12 +1,11 @@
 """What commands say under `--json`: one object on one line of standard output, and what stands in it."""
 
 import json
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import typer
 from pydantic import BaseModel, ConfigDict
 
-Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on one line.")]
+from actin_xcheck.core.claim import ClaimKind
 
 
 class Answer(BaseModel):
@@ -65,6 +64,50 @@ class ReportAnswer(Answer):
     """Of `compare`, by scene: the largest error of area and of total actin; null where not known."""
 
 
+class FailedClaim(Answer):
+    """A claim that fails."""
+
+    check: str
+    group: str
+    key: str
+    """Its name, which is the same every night and whatever its statement says."""
+    kind: ClaimKind
+    quantity: str
+    scene: str
+    methods: tuple[str, ...]
+    statement: str
+    value: float
+    bound: float
+    note: str
+    command: str
+    file: str
+    path: str
+
+
+class NightAnswer(Answer):
+    """`nightly`."""
+
+    command: Literal["nightly"] = "nightly"
+    night: str
+    folder: str
+    page: str
+    green: bool
+    fault: str
+    """The deliberate fault that was on; empty without."""
+    seconds: float
+    claims: dict[str, int]
+    """How many have which verdict."""
+    failed: tuple[FailedClaim, ...]
+    troubles: dict[str, str]
+    """Checks that came to no verdict, and why."""
+    not_run: dict[str, str]
+    """Checks that were left out, and why."""
+    checks: dict[str, float]
+    """Those that were run, with their seconds."""
+    commit: str
+    machine: str
+
+
 def conclude(answer: ReportAnswer, found: str, as_json: bool) -> None:
     """Say what a report found: one object, or its findings line by line, `found` and its page."""
     if as_json:
@@ -81,6 +124,6 @@ def say(answer: Answer) -> None:
 
 
 def schemas() -> dict[str, dict[str, Any]]:
-    """JSON Schemas of what the commands that are loaded say, by the name of the class."""
+    """JSON Schemas of what the commands say, by the name of the class."""
     whole = [kind for kind in Answer.__subclasses__() if kind.__name__.endswith("Answer")]  # others are parts
     return {kind.__name__: kind.model_json_schema() for kind in whole}

@@ -1,22 +1,12 @@
 """`paper`: the audit of the article, row by row."""
 
 from collections import Counter
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command
-from actin_xcheck.cli.output import Json, ReportAnswer, conclude
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.studies.audit.examine import examine
-from actin_xcheck.studies.audit.page import write_audit_page
-from actin_xcheck.studies.audit.record import FILE_NAME
-from actin_xcheck.studies.audit.row import Judgement
-from actin_xcheck.studies.audit.rows import ROWS
-from actin_xcheck.studies.folder import report_folder, report_in
+from actin_xcheck.cli.options import Json, command
 
 
 def paper_command(
@@ -33,6 +23,18 @@ def paper_command(
     Takes about a quarter of an hour on two cores; given an interrupted audit's folder, it goes on there if
     the code is the same commit.  A row's key stands beside it on the page.
     """
+    from difflib import get_close_matches
+
+    from actin_xcheck.cli.output import ReportAnswer, conclude
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.studies.audit.examine import examine
+    from actin_xcheck.studies.audit.page import write_audit_page
+    from actin_xcheck.studies.audit.record import FILE_NAME
+    from actin_xcheck.studies.audit.row import Judgement
+    from actin_xcheck.studies.audit.rows import ROWS
+    from actin_xcheck.studies.folder import report_folder, report_in
+
     keys = list(dict.fromkeys(only)) if only else list(ROWS)
     for key in keys:
         if key not in ROWS:

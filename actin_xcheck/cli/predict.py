@@ -6,16 +6,14 @@ import re
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from actin_xcheck.cli.conduct import study_command
-from actin_xcheck.cli.options import print_table
+from actin_xcheck.core.choices import Closure, Delta, Rheology
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.theory import DiskModes, lowest, threshold
 
 if TYPE_CHECKING:
+    from actin_xcheck.core.model import Model
     from actin_xcheck.studies.study import Study
 
 app = typer.Typer(
@@ -55,6 +53,11 @@ def modes_command(
     as_json: Json = False,
 ) -> None:
     """Every growth rate above a bound, per angular number; the count is proved by the argument principle."""
+    from rich.table import Table
+
+    from actin_xcheck.cli.options import print_table
+    from actin_xcheck.theory.exact import DiskModes
+
     model = _model(Parameters(psi, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
     if not math.isfinite(above):
         raise UserError(f"--above: {above:g} is no number; valid: a finite number")
@@ -92,6 +95,11 @@ def threshold_command(
     as_json: Json = False,
 ) -> None:
     """The smallest psi at which a rate of each angular number reaches Re lambda = 0, and its frequency."""
+    from rich.table import Table
+
+    from actin_xcheck.cli.options import print_table
+    from actin_xcheck.theory.threshold import lowest, threshold
+
     model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
     found = [threshold(model, number) for number in _numbers(m)]
     if as_json:
@@ -115,8 +123,10 @@ def report() -> "Study":
     return atlas()
 
 
-def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> Model:
+def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> "Model":
     """Check what the types do not."""
+    from actin_xcheck.core.model import Model
+
     for option, value in {"--psi": parameters.psi, "--p": parameters.p}.items():
         if not abs(value) <= 1e6:
             raise UserError(f"{option}: {value:g} is out of range; valid: a number between -1e6 and 1e6")

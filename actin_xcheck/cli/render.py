@@ -5,12 +5,8 @@ from typing import Annotated
 
 import typer
 
-from actin_xcheck.cli.output import FilesAnswer, Json, say
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs import pictures
-from actin_xcheck.runs.export import export, files_of
-from actin_xcheck.runs.store import read_run
-from actin_xcheck.studies.folder import make_folder
+from actin_xcheck.cli.options import Json
+from actin_xcheck.core.choices import FIELDS
 
 Stored = Annotated[Path, typer.Argument(help="A stored run, .vtkhdf.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
@@ -24,7 +20,7 @@ def render_command(
     time: Annotated[
         float | None, typer.Option(help="Output time to draw in a .png; default: the last.")
     ] = None,
-    field: Annotated[str, typer.Option(help=f"One of {', '.join(pictures.FIELDS)}.")] = "a",
+    field: Annotated[str, typer.Option(help=f"One of {', '.join(FIELDS)}.")] = "a",
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -32,9 +28,13 @@ def render_command(
 
     Needs no display.  Curved cells are drawn curved; the grey line is the cell's rim at its start.
     """
+    from actin_xcheck.cli.output import FilesAnswer, say
+    from actin_xcheck.runs.pictures import render
+    from actin_xcheck.runs.store import read_run
+
     run = read_run(file)
     path = _free(out_file or file.with_suffix(".png"), "--out", force)
-    times = pictures.render(run, path, time, field)
+    times = render(run, path, time, field)
     if json:
         say(FilesAnswer(command="render", files=(str(path),), times=times))
     else:
@@ -53,6 +53,10 @@ def export_command(
 
     ParaView 5.12 and later need neither: they open the .vtkhdf itself; film.pvd is for those before.
     """
+    from actin_xcheck.cli.output import FilesAnswer, say
+    from actin_xcheck.runs.export import export, files_of
+    from actin_xcheck.runs.store import read_run
+
     run = read_run(file)
     for path in files_of(run, to):
         _free(path, "--to", force)
@@ -65,6 +69,9 @@ def export_command(
 
 def _free(path: Path, option: str, force: bool) -> Path:
     """Return a path that may be written; UserError where something is there."""
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.studies.folder import make_folder
+
     if path.exists() and not force:
         raise UserError(f"{option}: {path} exists already; valid: another name, or --force")
     make_folder(path.parent)

@@ -2,13 +2,14 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from actin_xcheck.cli.options import (
     Dt,
     Force,
+    Json,
     Quiet,
     Refine,
     Rtol,
@@ -17,21 +18,16 @@ from actin_xcheck.cli.options import (
     resuming_command,
     warn_of,
 )
-from actin_xcheck.cli.output import Json, RunAnswer, say
-from actin_xcheck.cli.progress import Progress
+from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.files import unfinished
-from actin_xcheck.core.mesh import Mesh
-from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.accuracy import deliver
-from actin_xcheck.runs.checkpoint import stop_signals
-from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import METHODS, find_method
-from actin_xcheck.runs.run import numerics, remeshes, run
-from actin_xcheck.scene.outline import caveats, read_mesh
-from actin_xcheck.scene.scene import Scene, load_scene
-from actin_xcheck.studies.compare import Job
-from actin_xcheck.studies.folder import make_folder
+
+if TYPE_CHECKING:
+    from actin_xcheck.cli.output import RunAnswer
+    from actin_xcheck.core.mesh import Mesh
+    from actin_xcheck.core.outcome import Outcome
+    from actin_xcheck.runs.fidelity import Reduction
+    from actin_xcheck.scene.scene import Scene
 
 
 def run_command(
@@ -71,6 +67,16 @@ def run_command(
     Ctrl-C ends it after the step, exit code 130; --resume goes on to what it would have been without, to the
     last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
     """
+    from actin_xcheck.cli.output import say
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.files import unfinished
+    from actin_xcheck.core.outcome import Ending
+    from actin_xcheck.core.signals import stop_signals
+    from actin_xcheck.runs.fidelity import FULL, reduced
+    from actin_xcheck.runs.run import numerics, run
+    from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.folder import make_folder
+
     check_step(dt)
     loaded = load_scene(scene)
     if accuracy is not None:
@@ -103,7 +109,7 @@ def run_command(
     divided = refine or 0
     refine, dt = numerics(loaded, refine, dt)
     refine = refine if mesh is None else divided
-    job = Job(loaded, chosen, refine, dt, out_file, rtol)
+    label = f"{loaded.name} · {chosen.name}"
     reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
     if not json:
         _say(reduction)
@@ -115,7 +121,7 @@ def run_command(
             dt,
             out_file,
             command(),
-            lambda done, total: progress.report(job.label, done, total),
+            lambda done, total: progress.report(label, done, total),
             rtol,
             reduction,
             resume,
@@ -134,7 +140,11 @@ def run_command(
     raise typer.Exit(0 if outcome.ok else 1)
 
 
-def _answer(file: Path, outcome: Outcome, reduction: Reduction, error: float | None = None) -> RunAnswer:
+def _answer(
+    file: Path, outcome: "Outcome", reduction: "Reduction", error: float | None = None
+) -> "RunAnswer":
+    from actin_xcheck.cli.output import RunAnswer
+
     return RunAnswer(
         file=str(file),
         outcome=outcome.ending,
@@ -145,8 +155,10 @@ def _answer(file: Path, outcome: Outcome, reduction: Reduction, error: float | N
     )
 
 
-def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelity, json: bool) -> Mesh:
+def _outline(path: Path, scene: "Scene", accuracy: float | None, fidelity: Fidelity, json: bool) -> "Mesh":
     """The user's mesh, with what must be known of it on standard error."""
+    from actin_xcheck.scene.outline import caveats, read_mesh
+
     if accuracy is not None:
         raise UserError(
             "--mesh: not with --accuracy, whose levels are the disk's; valid: --refine, --dt, --rtol"
@@ -161,7 +173,9 @@ def _outline(path: Path, scene: Scene, accuracy: float | None, fidelity: Fidelit
     return mesh
 
 
-def _check_remesh(scene: Scene, method: str, fidelity: Fidelity, mesh_file: Path | None) -> None:
+def _check_remesh(scene: "Scene", method: str, fidelity: Fidelity, mesh_file: Path | None) -> None:
+    from actin_xcheck.runs.run import remeshes
+
     if method not in (valid := [name for name, known in METHODS.items() if remeshes(known)]):
         raise UserError(f"--remesh: not for {method}; valid with {', '.join(valid)}")
     if scene.motion is not None:
@@ -188,16 +202,20 @@ def _check_accuracy(
         raise UserError(f"--accuracy: chooses {', '.join(given)} itself; valid: without")
 
 
-def _say(reduction: Reduction) -> None:
+def _say(reduction: "Reduction") -> None:
     """Say how much of the model is solved, and what is left out and why."""
     for sentence in reduction.left_out:
         print(f"{reduction.fidelity}: left out {sentence}")
 
 
 def _deliver(
-    scene: Scene, accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
+    scene: "Scene", accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
 ) -> None:
     """Run to an accuracy, say what was reached and leave with the exit code."""
+    from actin_xcheck.cli.output import say
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.runs.accuracy import deliver
+
     with Progress(quiet) as progress:
         reached = deliver(
             scene,

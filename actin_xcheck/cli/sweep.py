@@ -2,20 +2,16 @@
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from actin_xcheck.cli.options import command
-from actin_xcheck.cli.output import Json, SweepAnswer, say
-from actin_xcheck.cli.progress import Progress
-from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.executor import jobs_asked
-from actin_xcheck.runs.fidelity import Fidelity
-from actin_xcheck.studies.folder import make_folder, report_folder
-from actin_xcheck.studies.sweep.carry_out import carry_out, plan
-from actin_xcheck.studies.sweep.table import CSV_NAME, SweepTable
-from actin_xcheck.studies.sweep.task import Numerics
+from actin_xcheck.cli.options import Json, command
+from actin_xcheck.core.choices import Fidelity
+
+if TYPE_CHECKING:
+    from actin_xcheck.cli.output import SweepAnswer
+    from actin_xcheck.studies.sweep.table import SweepTable
 
 
 def sweep_command(
@@ -51,6 +47,14 @@ def sweep_command(
     row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for a mistake in what was
     asked.
     """
+    from actin_xcheck.cli.output import say
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.outcome import Ending
+    from actin_xcheck.runs.executor import jobs_asked
+    from actin_xcheck.studies.folder import make_folder, report_folder
+    from actin_xcheck.studies.sweep.carry_out import carry_out, plan
+    from actin_xcheck.studies.sweep.task import Numerics
+
     processes = jobs_asked(jobs, scheduler)
     numerics = Numerics(method[0], refine, dt, rtol, fidelity)
     folder = report_folder(out_dir, "sweep")
@@ -67,7 +71,10 @@ def sweep_command(
     raise typer.Exit(0 if set(answer.outcomes) <= {Ending.COMPLETED} else 1)
 
 
-def _answer(table: SweepTable, made: int) -> SweepAnswer:
+def _answer(table: "SweepTable", made: int) -> "SweepAnswer":
+    from actin_xcheck.cli.output import SweepAnswer
+    from actin_xcheck.studies.sweep.table import CSV_NAME
+
     outcomes = Counter(table["outcome"].tolist())
     return SweepAnswer(
         folder=str(table.folder),

@@ -4,7 +4,6 @@ A task whose process ends (killed, out of memory, a machine that is gone) is giv
 `ATTEMPTS` such ends it is `Lost`, and the others go on.  Processes end when the one that started them does.
 """
 
-import asyncio
 import ctypes
 import logging
 import multiprocessing
@@ -110,6 +109,8 @@ def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
         with closing(Processes(jobs)) as processes:
             yield processes
         return
+    import asyncio
+
     try:
         from distributed import Client, __version__
     except ImportError:
@@ -138,6 +139,8 @@ def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
 
 async def _version(scheduler: str) -> str:
     """Ask a scheduler for its version: a client of what is none, or of another's, waits or breaks down."""
+    import asyncio
+
     from distributed import Security
     from distributed.comm import connect
 

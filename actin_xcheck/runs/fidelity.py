@@ -1,10 +1,10 @@
 """No more model than a scene needs: the smallest one that is exact for it, and what that leaves out."""
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
+from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Symmetry, disk, sector, unfold
@@ -13,21 +13,6 @@ from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.resolve import resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.scene.symmetry import Found, symmetry_of
-
-
-class Fidelity(StrEnum):
-    """How much of the model is solved; each choice is exact where it is valid."""
-
-    AUTO = "auto"
-    """The smallest of the others that is exact for the scene."""
-    FULL = "full"
-    """The whole cell, with all terms."""
-    RADIAL = "radial"
-    """One ray of an axisymmetric cell: a problem in R and t."""
-    SECTOR = "sector"
-    """Between two neighbouring mirror lines, with `symmetry` sides."""
-    MODAL = "modal"
-    """The linear modes of the rest state, as long as what they neglect stays below the tolerance."""
 
 
 @dataclass(frozen=True)

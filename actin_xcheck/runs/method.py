@@ -7,10 +7,12 @@ and imported when it is theirs.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from actin_xcheck.core.errors import UserError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 ENTRY_POINTS = "actin_xcheck.methods"
 """The group of entry points, NAME = "module:attribute": the attribute is a `Method` of that name."""
@@ -159,7 +161,7 @@ def find_method(name: str) -> Method:
     if found:
         return _loaded(found[0])
     if name not in METHODS:
-        others = sorted({one.name for one in entry_points(group=ENTRY_POINTS)} - METHODS.keys())
+        others = sorted({one.name for one in _entry_points()} - METHODS.keys())
         raise UserError(f"--method: {name!r} is not a method; valid: {', '.join([*METHODS, *others])}")
     return METHODS[name]
 
@@ -169,18 +171,20 @@ def find_methods(names: Iterable[str]) -> list[Method]:
     return [find_method(name) for name in dict.fromkeys(names)]
 
 
-def _entry_points(name: str) -> list[EntryPoint]:
-    """Those of a name, one for each place: an editable install is found twice."""
-    found = {(one.value, _package(one)): one for one in entry_points(group=ENTRY_POINTS, name=name)}
-    return list(found.values())
+def _entry_points(name: str | None = None) -> "list[EntryPoint]":
+    """Those of our group, or of a name in it, one for each place: an editable install is found twice."""
+    from importlib.metadata import entry_points  # takes a while, which help need not wait for
+
+    every = [one for one in entry_points(group=ENTRY_POINTS) if name in (None, one.name)]
+    return list({(one.name, one.value, _package(one)): one for one in every}.values())
 
 
-def _package(point: EntryPoint) -> str:
+def _package(point: "EntryPoint") -> str:
     """The package an entry point belongs to, in words."""
     return f"of {point.dist.name} {point.dist.version}" if point.dist else "of an unknown package"
 
 
-def _loaded(point: EntryPoint) -> Method:
+def _loaded(point: "EntryPoint") -> Method:
     """The method of an entry point; whatever its package raises when it is imported becomes one line."""
     what = f"--method: {point.name!r} ({point.value} {_package(point)})"
     try:

@@ -19,13 +19,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from actin_xcheck.core.aside import LostError, aside
+from actin_xcheck.core.choices import FIELDS
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.store import Run
-
-FIELDS = {"a": "a", "a_cells": "cell means of a", "u": "displacement", "v": "speed", "delta": "delta"}
-"""What can be drawn, and what it is called in the picture."""
 
 SUFFIXES = (".png", ".gif", ".mp4")
 

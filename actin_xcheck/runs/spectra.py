@@ -10,7 +10,9 @@ from scipy.optimize import brentq
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Closure, Model
 from actin_xcheck.runs.method import SPECTRUM, load
-from actin_xcheck.theory import active_slope, growth_rate, stiffness, threshold
+from actin_xcheck.theory.dispersion import active_slope, stiffness
+from actin_xcheck.theory.eigenfields import growth_rate
+from actin_xcheck.theory.threshold import threshold
 
 _HARMONICS = 10
 

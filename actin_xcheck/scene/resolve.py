@@ -10,7 +10,7 @@ from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta
 from actin_xcheck.scene.expression import Expression, coordinates
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.theory import Eigenfield, eigenfield
+from actin_xcheck.theory.eigenfields import Eigenfield, eigenfield
 
 
 def resolve(scene: Scene, perturbed: bool = True) -> Problem:

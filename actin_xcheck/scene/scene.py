@@ -2,12 +2,9 @@
 
 import re
 import reprlib
-import stat
 import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
-from difflib import get_close_matches
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args
 
@@ -19,6 +16,7 @@ from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import IN_UNITS, UNITS, DimensionalParameters, Parameters
 from actin_xcheck.scene.expression import Expression
+from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene
 from actin_xcheck.scene.tables import (
     AsPublished,
     DimensionalTable,
@@ -37,12 +35,8 @@ from actin_xcheck.scene.tables import (
     require_term,
 )
 
-_SHIPPED = files("actin_xcheck.scene") / "shipped"
 _CONSTANT = (str(Delta.NONE), str(Delta.FULL))  # the linear theory takes delta constant
 _ONE_TABLE = "should be a table, one of [parameters] and [dimensional], not both"
-MAX_SIZE = 200_000
-"""Bytes of a scene: a hundred times what the shipped ones have; parsing takes up to 2 us each."""
-
 MOST_UNSTABLE = 15_000.0
 """Of growth over diffusion: about 40 unstable modes of an angular number, listed in two seconds."""
 
@@ -249,12 +243,6 @@ class Scene(Table):
         return (mode.m, mode.n) if mode else None
 
 
-def shipped_scenes() -> tuple[str, ...]:
-    """Return the names of the scenes in the package, sorted."""
-    names = (Path(entry.name) for entry in _SHIPPED.iterdir())
-    return tuple(sorted(name.stem for name in names if name.suffix == ".toml"))
-
-
 def load_scene(name_or_path: str | Path) -> Scene:
     """Return a shipped scene by its name, or the scene in a file whose path ends in .toml.
 
@@ -263,7 +251,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     UserError
         One line naming file and key, what was given and what is valid.
     """
-    return parse_scene(*_read(name_or_path))
+    return parse_scene(*read_scene(name_or_path))
 
 
 def load_scenes(names_or_paths: Iterable[str | Path]) -> list[Scene]:
@@ -273,11 +261,6 @@ def load_scenes(names_or_paths: Iterable[str | Path]) -> list[Scene]:
     if repeated := sorted({name for name in names if names.count(name) > 1}):
         raise UserError(f"more than one scene is named {', '.join(repeated)}; valid: names that differ")
     return scenes
-
-
-def scene_text(name_or_path: str | Path) -> str:
-    """Return the TOML of a shipped scene or of a file, unchecked; raises UserError if there is none."""
-    return _read(name_or_path)[0]
 
 
 def parse_scene(text: str, origin: str) -> Scene:
@@ -321,31 +304,6 @@ def _is_unicode(text: str) -> bool:
     return True
 
 
-def _read(name_or_path: str | Path) -> tuple[str, str]:
-    """Return the text of a scene and where it comes from."""
-    origin = str(name_or_path)
-    if origin in shipped_scenes():
-        return _SHIPPED.joinpath(f"{origin}.toml").read_text(encoding="utf-8"), origin
-    if not origin.endswith(".toml"):
-        hint = _did_you_mean(origin, shipped_scenes())
-        valid = f"shipped scenes are {', '.join(shipped_scenes())}; a file's path ends in .toml"
-        raise UserError(f"unknown scene {brief(origin)!r}{hint}; {valid}")
-    try:
-        if not stat.S_ISREG((found := Path(origin).stat()).st_mode):  # a pipe would never end
-            what = "Is a directory" if stat.S_ISDIR(found.st_mode) else "not a regular file"
-            raise OSError(what)
-        with Path(origin).open("rb") as file:
-            content = file.read(MAX_SIZE + 1)
-        if len(content) > MAX_SIZE:
-            raise OSError(f"larger than {MAX_SIZE} bytes")
-        return content.decode("utf-8-sig").replace("\r\n", "\n"), origin
-    except UnicodeDecodeError as error:
-        raise UserError(f"{origin}: not UTF-8 text ({error.reason} at byte {error.start})") from None
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
-        reason = getattr(error, "strerror", None) or error
-        raise UserError(f"{origin}: cannot be read ({reason}); valid is the path of a TOML file") from None
-
-
 def _sentence(error: ErrorDetails) -> str:
     """Say of one pydantic error where it is, what was given and what is valid."""
     context, location = error.get("ctx", {}), error["loc"]
@@ -355,7 +313,7 @@ def _sentence(error: ErrorDetails) -> str:
     match error["type"]:
         case "extra_forbidden":
             valid = _keys(_table_at(location[:-1]))
-            hint = _did_you_mean(str(location[-1]), valid)
+            hint = did_you_mean(str(location[-1]), valid)
             return f"unknown key {key}{hint}; valid keys are {', '.join(valid)}"
         case "missing":
             if isinstance(location[-1], int):
@@ -402,8 +360,3 @@ def _keys(table: type[BaseModel]) -> list[str]:
 
 def _required(table: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in table.model_fields.items() if field.is_required()]
-
-
-def _did_you_mean(given: str, valid: Iterable[str]) -> str:
-    close = get_close_matches(given, list(valid), 1)
-    return f" (did you mean {close[0]}?)" if close else ""

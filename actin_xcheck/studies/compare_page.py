@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.model import CAVEATS
 from actin_xcheck.report.charts import Chart, charts
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import FilmStrip, film_strip

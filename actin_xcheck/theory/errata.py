@@ -5,6 +5,7 @@ Entries whose values are numbers compute them here, so that none can drift from 
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 from actin_xcheck.core.model import Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
@@ -135,7 +136,7 @@ def _linearisation() -> list[Erratum]:
 
 def _table_4() -> list[Erratum]:
     """Erratum 3: rows of Table 4 that are not the modes with b(k^2) < 0 by the article's own (3.8)."""
-    errata = []
+    found = []
     for row in TABLE_4_PRINTED:
         isolated = isolated_modes(row.model(Delta.NONE), Version.AS_PRINTED)
         low, high = (k2_crit(row.model(delta), Version.AS_PRINTED) for delta in (Delta.NONE, Delta.FULL))
@@ -143,8 +144,8 @@ def _table_4() -> list[Erratum]:
         changes += [f"{mode} (k² = {mode.k**2:.4f}) is stable" for mode in row.modes if mode not in isolated]
         if changes:
             reason = f"{' and '.join(changes)}: k²_crit = {low:.4f} (δ = 0) to {high:.4f} (δ = 1) by (3.8)."
-            errata.append(Erratum(3, f"Table 4, ψ = {row.psi}", _names(row.modes), _names(isolated), reason))
-    return errata
+            found.append(Erratum(3, f"Table 4, ψ = {row.psi}", _names(row.modes), _names(isolated), reason))
+    return found
 
 
 def _table_6() -> list[Erratum]:
@@ -257,5 +258,7 @@ def _simulations() -> list[Erratum]:
     ]
 
 
-ERRATA: tuple[Erratum, ...] = (*_linearisation(), *_table_4(), *_numbering(), *_simulations())
-"""All errata by number; values are computed on import, except erratum 8's moving cell (measured by FEM)."""
+@cache
+def errata() -> tuple[Erratum, ...]:
+    """Return all errata by number; their values are computed, except erratum 8's moving cell (by FEM)."""
+    return (*_linearisation(), *_table_4(), *_numbering(), *_simulations())

@@ -21,7 +21,8 @@ from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.scene.tables import Bound
-from actin_xcheck.theory import fit_growth, growth_rate
+from actin_xcheck.theory.eigenfields import growth_rate
+from actin_xcheck.theory.growth import fit_growth
 
 CONSERVATION_BOUND = 1e-12
 

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.theory import growth_rate
+from actin_xcheck.theory.eigenfields import growth_rate
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits at most."""

@@ -7,7 +7,8 @@ import numpy as np
 
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.theory import fit_growth, growth_rate
+from actin_xcheck.theory.eigenfields import growth_rate
+from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.judge import cell_difference, l2_error, reference_errors
 from actin_xcheck.verdicts.orders import ROUND_OFF
 

@@ -24,7 +24,7 @@ from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.store import Run, changing, reading, state
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.theory import fit_growth
+from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.known import Known, known, rate_parts
 from actin_xcheck.verdicts.uncertainty import uncertainty
 

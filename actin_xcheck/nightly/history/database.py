@@ -24,8 +24,6 @@ from actin_xcheck.core.files import database
 from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number, Series
 
-DEFAULT_PATH = Path("reports") / "history.sqlite"
-
 SCHEMA = 2
 """Version of the tables."""
 

@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 
 from actin_xcheck.report.exhibits import Exhibit
@@ -54,12 +54,17 @@ class Row:
     ----------
     key : what `--only` takes: "eq3.6", "table4", "fig21"; sentences by their section, "s5.4-failure".
     examine : computes the finding in a few seconds, from the `Evidence` of each study, in their order.
-    studies : the simulations it needs; none where theory alone decides.
+    needs : gives the simulations it needs, none where theory alone decides; to state them scenes are read.
     """
 
     key: str
     examine: Callable[..., Finding]
-    studies: tuple[Study, ...] = ()
+    needs: Callable[[], tuple[Study, ...]] = tuple
+
+    @cached_property
+    def studies(self) -> tuple[Study, ...]:
+        """The simulations it needs."""
+        return self.needs()
 
     @property
     def place(self) -> str:

@@ -32,10 +32,6 @@ REFERENCE = {False: 65.0, True: 8.0}
 NEEDED = 1e-4
 """Error by which the term ledger says whether the scene needs a term."""
 
-prepare(
-    ["__main__", measured.__module__, *sorted({method.solver.split(":")[0] for method in METHODS.values()})]
-)
-
 
 def default_methods() -> list[Method]:
     """Those that move their own nodes."""
@@ -59,6 +55,8 @@ def examine(
 
     Raises UserError where the folder holds the chart of another scene.
     """
+    solvers = sorted({method.solver.split(":")[0] for method in METHODS.values()})
+    prepare(["__main__", measured.__module__, *solvers])
     path = folder / FILE_NAME
     versions = provenance()
     budget, start = BUDGET[quick], REFERENCE[quick]

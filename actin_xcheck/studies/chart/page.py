@@ -13,8 +13,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.model import CAVEATS, Array
+from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.draw import Drawing
 from actin_xcheck.report.environment import environment, put_page

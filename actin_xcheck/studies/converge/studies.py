@@ -20,7 +20,7 @@ from actin_xcheck.core.model import Delta
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.compare import Job
-from actin_xcheck.theory import growth_rate
+from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.conditions import orders_lost_in_h, why_not
 from actin_xcheck.verdicts.quantities import Quantity
 

@@ -24,7 +24,8 @@ from actin_xcheck.studies.frontier.theory import (
     pair_of,
     resolvable_h,
 )
-from actin_xcheck.theory import sigma_prime, wavenumber
+from actin_xcheck.theory.dispersion import sigma_prime
+from actin_xcheck.theory.modes import wavenumber
 
 _SAMPLES = 25
 """Points of a line."""

@@ -17,7 +17,7 @@ from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.theory import sigma_prime
+from actin_xcheck.theory.dispersion import sigma_prime
 
 REFINE = 4
 """Layers of P1 elements and finite volumes where h is not varied; P_k have the same nodes on fewer layers."""

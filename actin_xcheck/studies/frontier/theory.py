@@ -19,7 +19,8 @@ from scipy.optimize import brentq
 
 from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.runs.method import Method, load
-from actin_xcheck.theory import active_slope, growth_rates, k2_crit, stiffness, wavenumber
+from actin_xcheck.theory.dispersion import active_slope, growth_rates, k2_crit, stiffness
+from actin_xcheck.theory.modes import wavenumber
 
 FASTEST = (1, 1)
 """The mode that grows fastest: (3.6)'s largest rate falls with k^2 as long as e > 0."""

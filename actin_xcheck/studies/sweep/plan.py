@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from actin_xcheck.core.errors import UserError, brief
-from actin_xcheck.scene.scene import scene_text, shipped_scenes
+from actin_xcheck.scene.shelf import scene_text, shipped_scenes
 from actin_xcheck.scene.tables import Many, Table, mistake
 
 MOST_RUNS = 100_000

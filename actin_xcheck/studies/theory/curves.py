@@ -5,23 +5,21 @@ import numpy as np
 from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Line, Picture, Plot
-from actin_xcheck.theory import (
-    TABLE_4_PRINTED,
-    Version,
-    coefficients,
-    eigenfield,
-    growth_rates,
-    printed_3_7,
-    sigma_prime,
-    wavenumber,
-)
+from actin_xcheck.theory.dispersion import Version, coefficients, growth_rates, printed_3_7, sigma_prime
+from actin_xcheck.theory.eigenfields import eigenfield
+from actin_xcheck.theory.errata import TABLE_4_PRINTED
+from actin_xcheck.theory.modes import wavenumber
 
 RADII, ANGLES = np.linspace(0, 1, 41), np.linspace(0, 2 * np.pi, 97)
 """The polar grid pictures are given on."""
 
-_FIRST = tuple((f"k²{m},{n}", wavenumber(m, n) ** 2) for m, n in ((1, 1), (2, 1), (0, 2), (3, 1)))
 _P_MAX = 1.74
 """Where Fig. 23b, c ends."""
+
+
+def _first() -> tuple[tuple[str, float], ...]:
+    """The least wave numbers on a static wall, squared."""
+    return tuple((f"k²{m},{n}", wavenumber(m, n) ** 2) for m, n in ((1, 1), (2, 1), (0, 2), (3, 1)))
 
 
 def plots() -> list[Plot]:
@@ -81,7 +79,7 @@ def _relation(key: str, model: Model, words: str) -> list[Plot]:
     # it diverges towards k = 0, which would leave no room for the others
     rates["(3.7) as printed, k² > 1.5"] = np.where(k2 > 1.5, printed_3_7(model, k2)[0], np.nan)
     return [
-        Plot(f"{key}a", f"{name}a: b and c of (3.6)", where, "k²", curves, _FIRST),
+        Plot(f"{key}a", f"{name}a: b and c of (3.6)", where, "k²", curves, _first()),
         *(
             Plot(
                 f"{key}b-{part}",
@@ -89,7 +87,7 @@ def _relation(key: str, model: Model, words: str) -> list[Plot]:
                 where,
                 "k²",
                 tuple(Line(label, k2, getattr(rate, attribute)) for label, rate in rates.items()),
-                _FIRST,
+                _first(),
             )
             for part, attribute in (("Re", "real"), ("Im", "imag"))
         ),

@@ -7,8 +7,8 @@ from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array, Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Line, Regions, Sheet
-from actin_xcheck.theory import Version
 from actin_xcheck.theory.borders import Branch, cell_branches, prove, stiffnesses, wall_branches
+from actin_xcheck.theory.dispersion import Version
 
 PSI_MAX, P_MAX = 240.0, 1.74
 """The window: several bands of every version; p as far as the article takes it."""

@@ -6,7 +6,9 @@ from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.spectra import discrete_rates, discrete_threshold
-from actin_xcheck.theory import ERRATA, TABLE_4_PRINTED, DiskModes, lowest, threshold
+from actin_xcheck.theory.errata import TABLE_4_PRINTED, errata
+from actin_xcheck.theory.exact import DiskModes
+from actin_xcheck.theory.threshold import lowest, threshold
 
 CELLS = (Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE)
 """Closures of the moving cell; `current-normal` is the same as `reference-normal` to first order."""
@@ -95,7 +97,7 @@ def threshold_sheet(closure: Closure) -> Sheet:
 def errata_sheet() -> Sheet:
     """Return the article's errata that concern its theory, printed beside corrected."""
     rows = [("cause", "where", "printed", "corrected", "reason")]
-    rows += [(str(one.number), one.where, one.printed, one.corrected, one.reason) for one in ERRATA]
+    rows += [(str(one.number), one.where, one.printed, one.corrected, one.reason) for one in errata()]
     note = "Computed where they are numbers. Entries with one number have one cause."
     return Sheet("errata", "Printed and corrected", note, tuple(rows))
 

@@ -7,7 +7,7 @@ of what the article leaves ambiguous.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -112,17 +112,17 @@ def _reading(rheology: Rheology, closure: Closure) -> str:
     return f"{rheology}, {closure}"
 
 
-def simulation(key: str, case: Case, checks: Sequence[Check], because: str = "") -> Row:
+def simulation(key: str, case: Case, checks: Sequence[Check], because: str | Callable[[], str] = "") -> Row:
     """Return the row of one simulation; `because` says what is known of the reason beyond the numbers."""
 
     def examine(*evidence: Evidence) -> Finding:
-        finding = _judged(checks, because, *evidence)
+        finding = _judged(checks, because() if callable(because) else because, *evidence)
         if not key.startswith("fig"):  # a sentence's cell is shown with its figure
             return finding
         fem, fv, *_ = evidence
         return replace(finding, exhibits=(_film(fem), *finding.exhibits, *_courses(fem, fv)))
 
-    return Row(key, examine, case.studies())
+    return Row(key, examine, case.studies)
 
 
 def _judged(

@@ -18,11 +18,11 @@ from actin_xcheck.studies.audit.simulations.readouts import (
     unevenness,
 )
 from actin_xcheck.studies.audit.simulations.studies import Evidence
-from actin_xcheck.theory import active_slope, k2_crit, threshold
+from actin_xcheck.theory.dispersion import active_slope, k2_crit
+from actin_xcheck.theory.threshold import threshold
 
-FAILING = load_scene("sec54-failure")
-_GROWTH = active_slope(replace(FAILING.physics, delta=Delta.NONE)) / FAILING.parameters.mu
-"""f'/mu, the rate at which short waves grow there (3.6); diffusion cuts it off at k_crit only."""
+FAILING = "sec54-failure"
+"""The scene of Section 5.4's failure."""
 
 
 def fails(*evidence: Evidence) -> Finding:
@@ -33,6 +33,9 @@ def fails(*evidence: Evidence) -> Finding:
         for one in evidence
         for (_, dt), run in one.runs.items()
     ]
+    scene = load_scene(FAILING)
+    # f'/mu, the rate at which short waves grow there (3.6); diffusion cuts it off at k_crit only
+    growth = active_slope(replace(scene.physics, delta=Delta.NONE)) / scene.parameters.mu
     published, *others = (run for one in evidence for run in one.runs.values())
     step = float(published.attributes["dt"])
     broke = published.attributes["outcome"] != "completed"
@@ -41,13 +44,13 @@ def fails(*evidence: Evidence) -> Finding:
     return Finding(
         Judgement.IN_KIND if broke else Judgement.NOT_REPRODUCED,
         "; ".join(ends) + ".",
-        f"A step of {step:g} lets f'/μ = {_GROWTH:.0f} act for {_GROWTH * step:.1f} units at once, which no "
+        f"A step of {step:g} lets f'/μ = {growth:.0f} act for {growth * step:.1f} units at once, which no "
         "explicit load resolves. "
         + ("The run ends as the article says" if broke else "The scheme runs on instead of failing")
         + f"; with {step / resolved.attributes['dt']:.0f} times smaller steps the same reading "
         + ("passes that time, so what fails is the scheme." if survives else "ends too."),
         numbers={
-            "growth per step as published": _GROWTH * step,
+            "growth per step as published": growth * step,
             "end as published": float(published.series["time"][-1]),
             "largest a as published": float(published.series["a_max"].max()),
             "largest a, resolved step": float(resolved.series["a_max"].max()),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from actin_xcheck.studies.audit.simulations.readouts import Field
-from actin_xcheck.theory import Mode
+from actin_xcheck.theory.modes import Mode
 
 VISIBLE = 0.05
 """A twentieth of the radius: what one sees on a printed picture of a cell."""

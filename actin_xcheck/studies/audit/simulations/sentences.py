@@ -7,7 +7,7 @@ from actin_xcheck.core.model import Delta, Rheology
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.row import Row
 from actin_xcheck.studies.audit.simulations import cases
-from actin_xcheck.studies.audit.simulations.checks import Check, simulation
+from actin_xcheck.studies.audit.simulations.checks import Case, Check, simulation
 from actin_xcheck.studies.audit.simulations.findings import (
     FAILING,
     all_kinds,
@@ -34,52 +34,55 @@ from actin_xcheck.studies.audit.simulations.readouts import (
     waywardness,
 )
 from actin_xcheck.studies.audit.simulations.studies import FEM, Study
-from actin_xcheck.theory import Mode, amplitude_at_rest
-
-_NEAR = replace(load_scene("fig06-mode-11").physics, delta=Delta.NONE)
-_WALL_GROWTH = float(amplitude_at_rest(_NEAR, Mode(1, 1), 1.7183))
-
-SEVERAL = tuple(case.studies()[0] for case in (cases.FIG12, cases.FIG13, cases.FIG14, cases.FIG17))
-POLAR = tuple(
-    case.studies()[0]
-    for case in (cases.FIG06, cases.FIG11, cases.FIG12, cases.FIG13, cases.FIG18, cases.FIG19)
-)
+from actin_xcheck.theory.growth import amplitude_at_rest
+from actin_xcheck.theory.modes import Mode
 
 
-def _failure() -> Row:
-    published = FAILING.as_published
+def _several() -> tuple[Study, ...]:
+    return _by_finite_elements(cases.FIG12, cases.FIG13, cases.FIG14, cases.FIG17)
+
+
+def _polar() -> tuple[Study, ...]:
+    polar = cases.FIG06, cases.FIG11, cases.FIG12, cases.FIG13, cases.FIG18, cases.FIG19
+    return _by_finite_elements(*polar)
+
+
+def _other_parameters() -> tuple[Study, ...]:
+    return _by_finite_elements(cases.FIG16, cases.FIG17, cases.FIG18)
+
+
+def _by_finite_elements(*simulated: Case) -> tuple[Study, ...]:
+    return tuple(case.studies()[0] for case in simulated)
+
+
+def _failing() -> tuple[Study, ...]:
+    published = load_scene(FAILING).as_published
     assert published.refine is not None
     assert published.dt is not None
     as_published, resolved = (published.refine, published.dt), (5, 1e-5)
     brief = (("time.end", 4e-3), ("time.outputs", (1e-3, 4e-3)))  # before round-off has grown to order 1
     kept = (("model.rheology", str(Rheology.VISCOELASTIC)),)
     viscous, viscoelastic = str(Rheology.VISCOUS), str(Rheology.VISCOELASTIC)
-    return Row(
-        "s5.4-failure",
-        fails,
-        (
-            Study(FAILING.name, "audit", viscous, (), FEM, (as_published,)),
-            Study(FAILING.name, "brief", viscous, brief, FEM, (resolved,)),
-            Study(FAILING.name, "kept", viscoelastic, kept, FEM, (as_published,)),
-            Study(FAILING.name, "kept-brief", viscoelastic, (*kept, *brief), FEM, (resolved,)),
-        ),
+    return (
+        Study(FAILING, "audit", viscous, (), FEM, (as_published,)),
+        Study(FAILING, "brief", viscous, brief, FEM, (resolved,)),
+        Study(FAILING, "kept", viscoelastic, kept, FEM, (as_published,)),
+        Study(FAILING, "kept-brief", viscoelastic, (*kept, *brief), FEM, (resolved,)),
     )
 
 
-def _rows_of_realistic() -> tuple[Row, ...]:
+def _realistic() -> tuple[Study, ...]:
     case = cases.REALISTIC.studies()[0]
-    study = replace(case, levels=((4, 0.02), (5, 0.02), (5, 0.01)), published=None)
+    return (replace(case, levels=((4, 0.02), (5, 0.02), (5, 0.01)), published=None),)
+
+
+def _on_the_wall() -> str:
+    near = replace(load_scene("fig06-mode-11").physics, delta=Delta.NONE)
+    growth = float(amplitude_at_rest(near, Mode(1, 1), 1.7183))
     return (
-        Row(
-            "s6-bias",
-            bias,
-            (study,),
-        ),
-        Row(
-            "s6-fronts",
-            realistic,
-            (study,),
-        ),
+        f"By linear theory on the static wall (3.6), started at rest, it would be {growth:.1f} times the "
+        "initial one. The article compares shapes after two to four steps, which are those of its initial "
+        "condition; a growth rate tells the theories apart."
     )
 
 
@@ -97,9 +100,7 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
         "s5.1-validation",
         cases.FIG06,
         [Check("w1,1 grows: amplitude over the initial one", growth_of(W11), 1.7183, low=1)],
-        f"By linear theory on the static wall (3.6), started at rest, it would be {_WALL_GROWTH:.1f} "
-        "times the initial one. The article compares shapes after two to four steps, which are those of its "
-        "initial condition; a growth rate tells the theories apart.",
+        _on_the_wall,
     ),
     simulation(
         "s5.2-small-u",
@@ -116,12 +117,12 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
     Row(
         "s5.3-phase",
         partial(displacements_follow_actin, True),
-        SEVERAL,
+        _several,
     ),
     Row(
         "s5.3-polarity",
         polarities,
-        POLAR,
+        _polar,
     ),
     simulation(
         "s5.4-hopf",
@@ -141,7 +142,7 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
     Row(
         "s5.4-kinds",
         all_kinds,
-        tuple(case.studies()[0] for case in (cases.FIG16, cases.FIG17, cases.FIG18)),
+        _other_parameters,
     ),
     Row(
         "s5-remark5.1-others",
@@ -178,12 +179,13 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
         ],
         "f'/μ = 2121: beyond t = 0.014 round-off has grown to order 1, so the run ends there.",
     ),
-    _failure(),
+    Row("s5.4-failure", fails, _failing),
     Row(
         "s5-remark5.1",
         tonicity_sets_the_transition,
     ),
-    *_rows_of_realistic(),
+    Row("s6-bias", bias, _realistic),
+    Row("s6-fronts", realistic, _realistic),
     simulation(
         "s7-regions",
         cases.FIG14,
@@ -192,7 +194,7 @@ SENTENCES_SIMULATED: tuple[Row, ...] = (
     Row(
         "s7-converse",
         partial(displacements_follow_actin, False),
-        SEVERAL,
+        _several,
     ),
     simulation(
         "s7-uniform",

@@ -22,7 +22,7 @@ from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.audit.simulations.readouts import Readout
 from actin_xcheck.studies.compare import Job
-from actin_xcheck.theory import extrapolate
+from actin_xcheck.theory.growth import extrapolate
 
 Level = tuple[int, float]
 """Mesh refinement and time step."""

@@ -27,8 +27,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.simulations.patterns import VISIBLE
 
-_SCENE = load_scene("fig06-mode-11")
-_SCENE_A = resolve(_SCENE).a0
+_SCENE = "fig06-mode-11"
 _REFINE = 3
 _DT = 4 * 1.0228e-2
 """Four of the article's steps: the motion sought is of order 1, and the mesh is coarse."""
@@ -119,17 +118,18 @@ class _Course:
 
 def _course(model: Model, mechanics_of: Any, mesh: Mesh) -> _Course:
     """Run Fig. 10's scene under a model with whatever moves its nodes."""
-    problem = replace(resolve(_SCENE), model=model)
+    scene = load_scene(_SCENE)
+    problem = replace(resolve(scene), model=model)
     mechanics: Mechanics = mechanics_of(model, mesh)
     solver = load(METHODS["fem-p1-paper"].solver)(problem, mesh, mechanics)
     course = _Course(mesh, [], [], [])
-    integrate(solver, _DT, _SCENE.output_times, course)
+    integrate(solver, _DT, scene.output_times, course)
     return course
 
 
 def _drifts(model: Model, mesh: Mesh, restarts: Sequence[int], noise: float = 0.0) -> list[float]:
     """Mean velocity along x that one solve of the singular system leaves, after each number of restarts."""
-    corners = _SCENE_A(mesh.xi)[mesh.triangles]
+    corners = resolve(load_scene(_SCENE)).a0(mesh.xi)[mesh.triangles]
     system = load(FORCE_BALANCE)(model, mesh).assemble(mesh.xi, corners, _DT)
     disturbed = system.load * (1 + noise * np.random.default_rng(0).normal(size=system.load.size))
     solve = partial(spl.gmres, system.matrix, disturbed, rtol=1e-8, restart=_BASIS)
@@ -137,7 +137,8 @@ def _drifts(model: Model, mesh: Mesh, restarts: Sequence[int], noise: float = 0.
 
 
 def _suspects() -> Finding:
-    mesh, own = disk(_REFINE, _SCENE.parameters.l0), _SCENE.physics
+    own = load_scene(_SCENE).physics
+    mesh = disk(_REFINE, own.parameters.l0)
     viscous = replace(own, rheology=Rheology.VISCOUS)
     free = replace(viscous, closure=Closure.TRACTION_FREE)
     against = replace(free, parameters=replace(free.parameters, p=-own.parameters.p))

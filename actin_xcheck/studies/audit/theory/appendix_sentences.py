@@ -7,17 +7,16 @@ from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.figures import W02, W11, W21, borders, kind, linear_model, turns_real
 from actin_xcheck.studies.audit.theory.measures import disk_quadrature, found, rounds_to
-from actin_xcheck.theory import (
-    Mode,
+from actin_xcheck.theory.dispersion import (
     Version,
     coefficients,
     growth_rates,
     isolated_modes,
     k2_crit,
-    modes_below,
     sigma_prime,
     stiffness,
 )
+from actin_xcheck.theory.modes import Mode, modes_below
 
 _CONSTANT = (Delta.NONE, Delta.FULL)
 

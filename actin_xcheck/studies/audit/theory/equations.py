@@ -14,7 +14,7 @@ from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.measures import ROUND_OFF, Triangles, circle, found, rounds_to
 from actin_xcheck.studies.audit.theory.sample import lumpy, relative, second_step
-from actin_xcheck.theory import Mode
+from actin_xcheck.theory.modes import Mode
 
 _A, _PHI = np.array([0.2, 0.9, 1.0, 2.8, 5.0]), np.array([-0.4, -0.1, 0.0, 0.3, 1.2])
 """Concentrations and dilations at which constitutive laws are evaluated."""

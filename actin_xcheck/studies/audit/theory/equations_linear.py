@@ -9,21 +9,20 @@ from actin_xcheck.core.model import Array, Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.measures import ROUND_OFF, circle, disk_quadrature, found
-from actin_xcheck.theory import (
-    TABLE_6_PRINTED,
-    DiskModes,
-    Mode,
+from actin_xcheck.theory.dispersion import (
     Version,
     active_slope,
-    cell_eigenfield,
     coefficients,
     growth_rates,
     k2_crit,
     printed_3_7,
     sigma_prime,
     stiffness,
-    wavenumber,
 )
+from actin_xcheck.theory.eigenfields import cell_eigenfield
+from actin_xcheck.theory.errata import TABLE_6_PRINTED
+from actin_xcheck.theory.exact import DiskModes
+from actin_xcheck.theory.modes import Mode, wavenumber
 
 _NEAR = Model(Parameters(62.4, 0.26), delta=Delta.FULL)
 """The article's bifurcation point, in the ring."""

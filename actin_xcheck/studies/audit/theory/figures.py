@@ -14,8 +14,7 @@ from actin_xcheck.studies.audit.theory.measures import circle, found, rounds_to
 from actin_xcheck.studies.audit.theory.tables import INITIAL, components, shown
 from actin_xcheck.studies.theory.curves import pictures, plots
 from actin_xcheck.studies.theory.regions import maps
-from actin_xcheck.theory import (
-    Mode,
+from actin_xcheck.theory.dispersion import (
     Version,
     active_slope,
     coefficients,
@@ -25,6 +24,7 @@ from actin_xcheck.theory import (
     sigma_prime,
     stiffness,
 )
+from actin_xcheck.theory.modes import Mode
 
 W11, W21, W02 = Mode(1, 1), Mode(2, 1), Mode(0, 2)
 

@@ -13,10 +13,7 @@ from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.figures import linear_model
 from actin_xcheck.studies.audit.theory.measures import ROUND_OFF, found
 from actin_xcheck.studies.audit.theory.sample import second_step
-from actin_xcheck.theory import (
-    Version,
-    isolated_modes,
-)
+from actin_xcheck.theory.dispersion import Version, isolated_modes
 
 _CONSTANT = (Delta.NONE, Delta.FULL)
 

@@ -9,14 +9,9 @@ from actin_xcheck.core.parameters import DimensionalParameters
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.figures import W11
 from actin_xcheck.studies.audit.theory.measures import found
-from actin_xcheck.theory import (
-    Mode,
-    Version,
-    count_below,
-    growth_rates,
-    k2_crit,
-)
+from actin_xcheck.theory.dispersion import Version, growth_rates, k2_crit
 from actin_xcheck.theory.errata import REALISTIC_CELL
+from actin_xcheck.theory.modes import Mode, count_below
 
 _CONSTANT = (Delta.NONE, Delta.FULL)
 

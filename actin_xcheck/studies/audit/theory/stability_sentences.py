@@ -11,17 +11,16 @@ from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.figures import W11, borders, linear_model
 from actin_xcheck.studies.audit.theory.measures import ROUND_OFF, found, rounds_to
-from actin_xcheck.theory import (
-    DiskModes,
-    Mode,
+from actin_xcheck.theory.dispersion import (
     Version,
     coefficients,
     growth_rates,
     k2_crit,
     sigma_prime,
     stiffness,
-    wavenumber,
 )
+from actin_xcheck.theory.exact import DiskModes
+from actin_xcheck.theory.modes import Mode, wavenumber
 
 _CONSTANT = (Delta.NONE, Delta.FULL)
 

@@ -10,15 +10,9 @@ from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.scene.expression import Expression, coordinates
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.measures import disk_quadrature, found, rounds_to
-from actin_xcheck.theory import (
-    TABLE_4_PRINTED,
-    TABLE_6_PRINTED,
-    Mode,
-    Version,
-    isolated_modes,
-    k2_crit,
-    table_6,
-)
+from actin_xcheck.theory.dispersion import Version, isolated_modes, k2_crit
+from actin_xcheck.theory.errata import TABLE_4_PRINTED, TABLE_6_PRINTED
+from actin_xcheck.theory.modes import Mode, table_6
 
 _PSI, _P = 72.0, 0.3
 """psi (A.1.1) and p (0.26 by (3.1)) in dyn/cm^2; Table 1 gives neither."""

@@ -9,15 +9,8 @@ from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.theory.figures import W02, W11, W21, borders, kind, linear_model
 from actin_xcheck.studies.audit.theory.measures import found, rounds_to
 from actin_xcheck.studies.audit.theory.tables import INITIAL, components
-from actin_xcheck.theory import (
-    Mode,
-    Version,
-    growth_rates,
-    isolated_modes,
-    k2_crit,
-    modes_below,
-    stiffness,
-)
+from actin_xcheck.theory.dispersion import Version, growth_rates, isolated_modes, k2_crit, stiffness
+from actin_xcheck.theory.modes import Mode, modes_below
 
 _CONSTANT = (Delta.NONE, Delta.FULL)
 _COARSE, _FINE, _PLANE = 1.0228e-2, 1.0228e-3, 6.0228e-4
