@@ -20,8 +20,7 @@ from actin_xcheck.studies.chart import examine as charting
 from actin_xcheck.studies.chart import points as planning
 from actin_xcheck.studies.closures.study import closures
 from actin_xcheck.studies.compare_page import write_report as write_comparison_page
-from actin_xcheck.studies.converge.examine import examine as examine_convergence
-from actin_xcheck.studies.converge.page import write_convergence_page
+from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.distort.study import distort
 from actin_xcheck.studies.extremes.plan import Level, Trial
@@ -34,7 +33,7 @@ from tests.frontiers import small
 from tests.lab import FEM, FV
 from tests.studies import carry
 from tests.test_closure_page import TINY
-from tests.test_convergence import coarse_studies
+from tests.test_convergence import coarse
 from tests.test_dashboard import write_nights
 from tests.test_extremes import STRONG
 from tests.test_faults import NOTHING, STILL
@@ -79,9 +78,7 @@ def _closures(folder, monkeypatch):
 
 
 def _convergence(folder, monkeypatch):
-    studies = coarse_studies("growing-disk", (FEM, FV), folder)
-    examine_convergence(studies, folder, "a command", lambda *_: None)
-    return write_convergence_page(folder)
+    return _study("converge", converge(coarse("growing-disk", FEM, FV)), folder)
 
 
 def _distortion(folder, monkeypatch):

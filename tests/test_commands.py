@@ -12,16 +12,16 @@ from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import read_night
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_comparison, read_run
+from actin_xcheck.runs.store import read_comparison, read_run, reading
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT
 from actin_xcheck.studies.audit.record import read_audit
 from actin_xcheck.studies.closures.refinement import Course, follow
-from actin_xcheck.studies.converge.record import FILE_NAME as STUDIES
-from actin_xcheck.studies.converge.record import read_convergence
+from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
 from actin_xcheck.studies.distort.measure import answer_of
 from actin_xcheck.studies.extremes.plan import trials
@@ -133,10 +133,15 @@ def test_claims_of_the_checks_are_made_again_by_their_commands(check, tmp_path, 
 def test_an_order_is_made_again_by_its_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     typed(command("converge", "static-decay", method=P1, out="one"), "--quiet")
-    for result in read_convergence(tmp_path / "one" / STUDIES).results:
-        typed(result.command, "--out", result.refined, "--quiet")
-        made = {one.key: one for one in read_convergence(tmp_path / result.refined / STUDIES).results}
-        assert np.array_equal(made[result.key].errors, result.errors)
+    for order in _table(tmp_path / "one", "orders", Order):
+        typed(order.command, "--out", order.refined, "--quiet")
+        first, again = (_table(tmp_path / one, "errors", Error) for one in ("one", order.refined))
+        assert [one.error for one in again] == [one.error for one in first]
+
+
+def _table(folder, name, kind):
+    with reading(folder / "converge.h5", "report") as file:
+        return read_table(file[f"tables/{name}"], kind)
 
 
 def test_a_row_of_the_audit_is_made_again_by_its_command(tmp_path, monkeypatch):

@@ -15,7 +15,6 @@ from rich.table import Column, Table
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.compare import compare_command
-from actin_xcheck.cli.converge import converge_command
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
 from actin_xcheck.cli.options import print_table
@@ -36,15 +35,12 @@ from actin_xcheck.studies.chart.page import write_chart_page
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
 from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.converge.page import write_convergence_page
-from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 from actin_xcheck.studies.page import study_file, write_page
 
 _PAGES = {
     AUDIT_FILE: write_audit_page,
     CHART_FILE: write_chart_page,
     COMPARISON_FILE: write_report,
-    CONVERGENCE_FILE: write_convergence_page,
     NIGHT_FILE: write_night_page,
 }
 """What writes the page of a report, by the file that a report of its kind is kept in."""
@@ -62,7 +58,7 @@ app.add_typer(predict.app, name="predict")
 app.command("compare")(compare_command)
 app.command("run")(run_command)
 app.command("paper")(paper_command)
-app.command("converge")(converge_command)
+app.command("converge")(studies.converge)
 app.command("chart")(chart_command)
 app.command("sweep")(sweep_command)
 app.command("render")(render_command)

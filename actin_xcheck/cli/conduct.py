@@ -94,7 +94,7 @@ def _say(name: str, report: "Report", page: Path, json: bool) -> None:
     """Say what a study came to; exit code 1 where a claim fails."""
     failed = [claim for claim in report.claims if claim.judged and not claim.holds]
     said = [f"FAIL {claim.sentence}" for claim in failed]
-    verdicts = dict(Counter(claim.verdict for claim in report.claims))
+    verdicts = dict(report.verdicts or Counter(claim.verdict for claim in report.claims))
     answer = ReportAnswer(command=name, page=str(page), verdicts=verdicts, findings=(*said, *report.findings))
     conclude(answer, report.title, json)
     raise typer.Exit(1 if failed else 0)

@@ -30,7 +30,6 @@ from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.run import numerics, remeshes, run
 from actin_xcheck.scene.outline import caveats, read_mesh
 from actin_xcheck.scene.scene import Scene, load_scene
-from actin_xcheck.studies.compare import Job
 from actin_xcheck.studies.folder import make_folder
 
 
@@ -103,7 +102,7 @@ def run_command(
     divided = refine or 0
     refine, dt = numerics(loaded, refine, dt)
     refine = refine if mesh is None else divided
-    job = Job(loaded, chosen, refine, dt, out_file, rtol)
+    label = f"{loaded.name} · {chosen.name}"
     reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
     if not json:
         _say(reduction)
@@ -115,7 +114,7 @@ def run_command(
             dt,
             out_file,
             command(),
-            lambda done, total: progress.report(job.label, done, total),
+            lambda done, total: progress.report(label, done, total),
             rtol,
             reduction,
             resume,

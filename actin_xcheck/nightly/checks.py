@@ -85,7 +85,7 @@ class Checked:
         with watched(targets) as calls:
             claims = self.check.claims(folder)
         # an order that was claimed and can no longer be read off has not held
-        silent = [claim for claim in claims if not claim.judged and claim.path.startswith("/studies/")]
+        silent = [claim for claim in claims if not claim.judged and claim.path.startswith(groups.ORDERS)]
         if silent or not any(claim.judged for claim in claims):
             said = f"{len(silent)} of its orders came to no" if silent else "none of its claims came to a"
             claims = [*claims, groups.no_verdict(self.name, f"{said} verdict")]

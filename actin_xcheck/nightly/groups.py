@@ -30,6 +30,9 @@ class Group(StrEnum):
 DILUTION = "uniform-dilution"
 """Name of the scene in which volumes alone change the concentration."""
 
+ORDERS = ("/tables/orders", "/studies/")
+"""Where the path of an observed order begins; the second in nights of before."""
+
 FAULTS = "/faults/"
 """Where the path of a negative control begins."""
 
@@ -39,8 +42,8 @@ COST = "/cost/"
 BASELINE = "/baseline/"
 """And of a comparison with another night."""
 
-_PLACES = {
-    "/studies/": Group.ORDERS,
+_PLACES: dict[str | tuple[str, ...], Group] = {
+    ORDERS: Group.ORDERS,
     FAULTS: Group.CONTROLS,
     COST: Group.COST,
     BASELINE: Group.BASELINE,
@@ -89,7 +92,7 @@ def lasting(claim: Claim) -> Claim:
     if claim.path.startswith("/triangles/"):
         quantity = claim.path.rsplit("--", 1)[-1].replace("_", " ")
         return _said(claim, f"both codes and theory agree on {quantity}", claim.statement)
-    if claim.path.startswith("/studies/"):
+    if claim.path.startswith(ORDERS):
         statement, _, reason = claim.statement.partition(": ")
         return _said(claim, statement, reason)
     if measured := re.search(r"; (measured [^)]*)\)", claim.statement):

@@ -24,11 +24,12 @@ _LONG = 40
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table on a page: numbers stand to the right, commands are code, sentences get room."""
+    """A column of a table: numbers stand to the right, commands are code, files links, sentences get room."""
 
     title: str
     numeric: bool
     code: bool
+    file: bool
     long: bool
 
 
@@ -106,9 +107,9 @@ def _shown(name: str, group: h5py.Group) -> Shown:
         text = h5py.check_string_dtype(stored.dtype) is not None
         values = stored.asstr()[()] if text else stored[()].tolist()
         cells.append([_cell(value) for value in values])
-        code = field == "command"
-        long = text and not code and max(map(len, cells[-1]), default=0) > _LONG
-        columns.append(Column(field.replace("_", " "), not text, code, long))
+        code, file = field == "command", field in ("file", "finer_file")
+        long = text and not (code or file) and max(map(len, cells[-1]), default=0) > _LONG
+        columns.append(Column(field.replace("_", " "), not text, code, file, long))
     title, note = str(group.attrs["title"]), str(group.attrs["note"])
     return Shown(name, title, note, tuple(columns), tuple(zip(*cells, strict=True)))
 
