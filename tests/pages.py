@@ -13,9 +13,9 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.page import write_audit_page
-from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
-from actin_xcheck.studies.audit.record import Entry, write_audit
-from actin_xcheck.studies.audit.row import Finding, Judgement
+from actin_xcheck.studies.audit.row import Finding, Judgement, Row
+from actin_xcheck.studies.audit.rows import ROWS
+from actin_xcheck.studies.audit.study import paper
 from actin_xcheck.studies.chart import examine as charting
 from actin_xcheck.studies.chart import points as planning
 from actin_xcheck.studies.closures.study import closures
@@ -98,8 +98,9 @@ def _faults(folder, monkeypatch):
 def _audit(folder, monkeypatch):
     shown = tuple(one for one in exhibits() if "EVIL" not in one.key)
     finding = Finding(Judgement.MISPRINT, "3 & 4", "because", (*shown, *_lopsided()), {"x": 1.5})
-    write_audit(folder / AUDIT_FILE, [Entry("eq9.9", "(9.9)", "one is two", finding, "a command", ())], "all")
-    return write_audit_page(folder)
+    monkeypatch.setitem(ROWS, "eq3.7", Row("eq3.7", lambda: finding))
+    carry(folder, paper(["eq3.7"]), name="paper")
+    return write_audit_page(folder / "paper.h5")
 
 
 def _predictions(folder, monkeypatch):

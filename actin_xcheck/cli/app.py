@@ -15,11 +15,11 @@ from rich.table import Column, Table
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.compare import compare_command
+from actin_xcheck.cli.conduct import page_of
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
 from actin_xcheck.cli.options import print_table
 from actin_xcheck.cli.output import Json, ReportAnswer, conclude
-from actin_xcheck.cli.paper import paper_command
 from actin_xcheck.cli.render import export_command, render_command
 from actin_xcheck.cli.run import run_command
 from actin_xcheck.cli.sweep import sweep_command
@@ -29,16 +29,13 @@ from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
 from actin_xcheck.runs.checkpoint import ending_signals
 from actin_xcheck.runs.executor import end_all
 from actin_xcheck.scene.scene import load_scene, scene_text, shipped_scenes
-from actin_xcheck.studies.audit.page import write_audit_page
-from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
 from actin_xcheck.studies.chart.page import write_chart_page
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
 from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.page import study_file, write_page
+from actin_xcheck.studies.page import study_file
 
 _PAGES = {
-    AUDIT_FILE: write_audit_page,
     CHART_FILE: write_chart_page,
     COMPARISON_FILE: write_report,
     NIGHT_FILE: write_night_page,
@@ -57,7 +54,7 @@ app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
 app.command("compare")(compare_command)
 app.command("run")(run_command)
-app.command("paper")(paper_command)
+app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
 app.command("chart")(chart_command)
 app.command("sweep")(sweep_command)
@@ -102,7 +99,7 @@ def report_command(folder: Path, json: Json = False) -> None:
         raise UserError(f"{folder}: {_holds(folder)}; valid: a folder that holds {valid}")
     try:
         with np.errstate(all="ignore"):
-            page = write_page(file) if file else found[0](folder)
+            page = page_of(file) if file else found[0](folder)
     except (UserError, OSError):
         raise
     except Exception as error:  # its files may hold anything

@@ -77,7 +77,6 @@ def carry_out(
     from actin_xcheck.core.files import locked
     from actin_xcheck.runs.executor import executor, jobs_asked
     from actin_xcheck.studies import study as studies
-    from actin_xcheck.studies.page import write_page
 
     processes_wanted = jobs_asked(jobs, scheduler)
     file = make_folder(folder) / f"{name}.h5"
@@ -87,7 +86,15 @@ def carry_out(
         (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
         with executor(processes_wanted, scheduler) as processes:
             report = studies.carry_out(name, study, folder, command(), processes, progress.report)
-        return report, write_page(file)
+        return report, page_of(file)
+
+
+def page_of(file: Path) -> Path:
+    """Write the page of a study from its file and return its path: most have the same."""
+    from actin_xcheck.studies.audit.page import write_audit_page
+    from actin_xcheck.studies.page import write_page
+
+    return {"paper.h5": write_audit_page}.get(file.name, write_page)(file)
 
 
 def _say(name: str, report: "Report", page: Path, json: bool) -> None:

@@ -70,6 +70,31 @@ def moving_their_own(scene: str, named: bool) -> list[str]:
     ]
 
 
+@study_command("paper")
+def paper(
+    only: Annotated[
+        list[str] | None, typer.Option(help="One row, such as fig14 or eq3.7; may be given more than once.")
+    ] = None,
+) -> "Study":
+    """Hold every equation, table, figure and number of the article against what is computed here.
+
+    Takes about a quarter of an hour on two cores.  A row's key stands beside it on the page.
+    """
+    from difflib import get_close_matches
+
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.studies.audit.rows import ROWS
+    from actin_xcheck.studies.audit.study import paper as study
+
+    for key in only or ():
+        if key not in ROWS:
+            some = ", ".join(get_close_matches(key, ROWS, 3) or list(ROWS)[:5])
+            raise UserError(
+                f"--only: no row is called {key!r}; valid are {some} and others, {len(ROWS)} in all"
+            )
+    return study(list(dict.fromkeys(only or ROWS)), said=bool(only))
+
+
 DISTORTED = {
     "smooth-fronts": ("perturbed", "stretched", "slivers"),
     "fitted-ring": ("off-ring",),

@@ -1,6 +1,7 @@
 """The page of a study, from its file alone: what it comes to, its claims, what it draws, its tables."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -9,9 +10,10 @@ from typing import Any
 import h5py
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.report.draw import draw
+from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibit_file import read_chapters
+from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 
@@ -55,16 +57,6 @@ def write_page(path: Path) -> Path:
         claims = read_table(file["claims"], Claim)
         chapters = read_chapters(file["exhibits"])
         tables = [_shown(name, group) for name, group in file["tables"].items()]
-    drawn = [
-        (
-            one,
-            [
-                draw(each, f"/exhibits/{one.key}/{each.key}", f"c{i}-{j}")
-                for j, each in enumerate(one.exhibits)
-            ],
-        )
-        for i, one in enumerate(chapters)
-    ]
     title = said.pop("title")
     score = match.group() if (match := _SCORE.match(title)) else ""
     html = environment(path.parent).get_template("study.html")
@@ -77,11 +69,25 @@ def write_page(path: Path) -> Path:
         attributes=said,
         claims=claims,
         groups={scene: list(group) for scene, group in groupby(claims, lambda claim: claim.scene)},
-        chapters=drawn,
+        chapters=drawn(chapters),
         tables=tables,
         file=path,
     )
     return put_page(path.parent, text)
+
+
+def drawn(chapters: Iterable[Chapter]) -> list[tuple[Chapter, list[Drawing]]]:
+    """Chapters with their drawings, which say where in the file their numbers are."""
+    return [
+        (
+            one,
+            [
+                draw(each, f"/exhibits/{one.key}/{each.key}", f"c{i}-{j}")
+                for j, each in enumerate(one.exhibits)
+            ],
+        )
+        for i, one in enumerate(chapters)
+    ]
 
 
 def study_file(folder: Path) -> Path | None:

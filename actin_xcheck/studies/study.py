@@ -179,6 +179,8 @@ def _answers(
     tasks: Sequence[Task], journal: Journal, folder: Path, processes: Executor, tell: Tell, label: str
 ) -> list[Any]:
     """The answers to a batch, each question asked once."""
+    if not tasks:
+        return []
     wanted = {key_of(task.work, stated(task.ask)): task for task in tasks}
     answers = {
         key: journal.answer(key, task.answer)
