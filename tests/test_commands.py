@@ -62,7 +62,7 @@ def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path,
     scenes, methods, refine, dt, rtol = CASES[case]
     loaded = [load_scene(name) for name in scenes]
     (tmp_path / "c").mkdir()
-    jobs = comparison.jobs_of(loaded, [METHODS[one] for one in methods], tmp_path / "c", refine, dt, rtol)
+    jobs = comparison.jobs_of(loaded, [METHODS[one] for one in methods], refine, dt, rtol)
     with in_turn():
         claims = comparison.compare(jobs, tmp_path / "c", "")
     found = {}

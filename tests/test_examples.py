@@ -218,7 +218,7 @@ def twins(toy):
 
 
 def compared(folder, methods, scene="growing-disk"):
-    jobs = comparison.jobs_of([load_scene(scene)], methods, folder, 3, 0.05)
+    jobs = comparison.jobs_of([load_scene(scene)], methods, 3, 0.05)
     with in_turn():
         return comparison.compare(jobs, folder, "")
 

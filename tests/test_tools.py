@@ -243,7 +243,7 @@ def test_no_report_is_overwritten_unasked(words, file: str, tmp_path: Path, comm
 )
 def test_a_folder_without_a_report_is_told_what_it_holds(make, said: str, tmp_path: Path, command) -> None:
     make(tmp_path / "f")
-    valid = "valid: a folder that holds chart.h5, closures.h5, comparison.h5, "
+    valid = "valid: a folder that holds audit.h5, chart.h5, closures.h5, comparison.h5, "
     one_line(command("report", "f"), f"actin_xcheck: f: {said}", valid, "predictions.h5")
 
 

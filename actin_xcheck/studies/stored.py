@@ -9,6 +9,7 @@ from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.recorder import Progress
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.folder import make_folder
@@ -62,8 +63,8 @@ class Ran:
     seconds: float
 
 
-def run_stored(job: Stored, folder: Path) -> Ran:
-    """Run, and store everything about it."""
+def run_stored(job: Stored, folder: Path, progress: Progress = lambda done, total: None) -> Ran:
+    """Run, and store everything about it; `progress` is told of every step."""
     path, origin = folder / job.file, job.scene.origin
     make_folder(path.parent)
     if job.scene_file:
@@ -82,5 +83,5 @@ def run_stored(job: Stored, folder: Path) -> Ran:
         out=path.name,
     )
     began = time.perf_counter()
-    outcome = run(job.scene, job.method, job.refine, job.dt, path, made, rtol=job.rtol)
+    outcome = run(job.scene, job.method, job.refine, job.dt, path, made, progress, rtol=job.rtol)
     return Ran(str(outcome.ending), outcome.message, time.perf_counter() - began)

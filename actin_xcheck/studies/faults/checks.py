@@ -75,7 +75,7 @@ class Compared:
         """What is claimed of each run, of pairs of them, and of triangles with theory."""
         scene = load_scene(self.scene)
         methods = [find_method(name) for name in self.methods]
-        jobs = jobs_of([scene], methods, folder, self.refine, scene.time.end / self.steps, self.rtol)
+        jobs = jobs_of([scene], methods, self.refine, scene.time.end / self.steps, self.rtol)
         return compare(jobs, folder, again(self))
 
 
