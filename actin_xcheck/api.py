@@ -108,7 +108,7 @@ def cross_check(
     file = folder / comparison.FILE_NAME
     if file.exists():
         raise UserError(f"out: {folder} holds a comparison already; valid: another folder")
-    jobs = comparison.jobs_of([load_scene(one) for one in wanted], chosen, folder, refine, dt, rtol)
+    jobs = comparison.jobs_of([load_scene(one) for one in wanted], chosen, refine, dt, rtol)
     with report_in(folder, file.name, "a comparison", force=False):
         comparison.compare(jobs, folder, "actin_xcheck.cross_check")
         write_report(folder)

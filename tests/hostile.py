@@ -188,9 +188,9 @@ def _where(error: BaseException) -> str:
 
 def _tried(scene: Scene, out: Path, draw: random.Random) -> tuple[str, str]:
     """Run an accepted scene on a tiny mesh for a few steps; how it ended, and what is wrong with that."""
-    for job in jobs_of([scene], list(METHODS.values())[:1], out, 1, None):
-        if not job.path.resolve().is_relative_to(out):
-            return "accepted", f"would write {job.path}"
+    for job in jobs_of([scene], list(METHODS.values())[:1], 1, None):
+        if not (out / job.file).resolve().is_relative_to(out):
+            return "accepted", f"would write {job.file}"
     if len(scene.output_times) > 6:
         return "accepted", ""
     method = METHODS[draw.choice(METHOD_NAMES)]

@@ -1,4 +1,4 @@
-"""Small folders of reports, to be damaged: a comparison with its run, orders, a study."""
+"""Small folders of reports, to be damaged: a comparison with its run, a study."""
 
 import functools
 import tempfile
@@ -11,10 +11,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import provenance, write_comparison
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
-from actin_xcheck.studies.converge.record import Result, write_convergence
 from actin_xcheck.studies.study import Report, write_report
-from actin_xcheck.verdicts.orders import observe
 from tests.claims import claim
 
 
@@ -23,13 +20,13 @@ def a_report(kind: str) -> dict[str, bytes]:
     """The files of a report's folder by their relative names, the one that names its kind first."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        main = {"comparison": _comparison, "convergence": _convergence, "predict": _study}[kind](folder)
+        main = {"comparison": _comparison, "predict": _study}[kind](folder)
         files = sorted((path for path in folder.rglob("*.*5") if path.is_file()), key=lambda one: one != main)
         files += [path for path in folder.rglob("*.vtkhdf") if path.is_file()]
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-REPORTS = ("comparison", "convergence", "predict")
+REPORTS = ("comparison", "predict")
 
 
 def _comparison(folder: Path) -> Path:
@@ -40,17 +37,6 @@ def _comparison(folder: Path) -> Path:
     attributes = {"command": "compare", **provenance()}
     write_comparison(folder / "comparison.h5", [made], {f"{scene.name}/fem-p1-paper": path}, attributes)
     return folder / "comparison.h5"
-
-
-def _convergence(folder: Path) -> Path:
-    steps = 2.0 ** -np.arange(1, 6)
-    result = Result(
-        "k", "scene", "me", "fem-p1-paper", "h", "area", "the next finer level", 2.0, True, True, 1e-12,
-        np.arange(1, 6), np.arange(1, 6), steps, steps, steps**2, ("",) * 5,
-        observe(steps.tolist(), (steps**2).tolist(), 2.0), "converge", ("runs/a.vtkhdf",),
-    )  # fmt: skip
-    write_convergence(folder / CONVERGENCE_FILE, [result], "converge")
-    return folder / CONVERGENCE_FILE
 
 
 def _study(folder: Path) -> Path:

@@ -13,15 +13,14 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.page import write_audit_page
-from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
-from actin_xcheck.studies.audit.record import Entry, write_audit
-from actin_xcheck.studies.audit.row import Finding, Judgement
+from actin_xcheck.studies.audit.row import Finding, Judgement, Row
+from actin_xcheck.studies.audit.rows import ROWS
+from actin_xcheck.studies.audit.study import paper
 from actin_xcheck.studies.chart import examine as charting
 from actin_xcheck.studies.chart import points as planning
 from actin_xcheck.studies.closures.study import closures
 from actin_xcheck.studies.compare_page import write_report as write_comparison_page
-from actin_xcheck.studies.converge.examine import examine as examine_convergence
-from actin_xcheck.studies.converge.page import write_convergence_page
+from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.distort.study import distort
 from actin_xcheck.studies.extremes.plan import Level, Trial
@@ -34,7 +33,7 @@ from tests.frontiers import small
 from tests.lab import FEM, FV
 from tests.studies import carry
 from tests.test_closure_page import TINY
-from tests.test_convergence import coarse_studies
+from tests.test_convergence import coarse
 from tests.test_dashboard import write_nights
 from tests.test_extremes import STRONG
 from tests.test_faults import NOTHING, STILL
@@ -79,9 +78,7 @@ def _closures(folder, monkeypatch):
 
 
 def _convergence(folder, monkeypatch):
-    studies = coarse_studies("growing-disk", (FEM, FV), folder)
-    examine_convergence(studies, folder, "a command", lambda *_: None)
-    return write_convergence_page(folder)
+    return _study("converge", converge(coarse("growing-disk", FEM, FV)), folder)
 
 
 def _distortion(folder, monkeypatch):
@@ -101,8 +98,9 @@ def _faults(folder, monkeypatch):
 def _audit(folder, monkeypatch):
     shown = tuple(one for one in exhibits() if "EVIL" not in one.key)
     finding = Finding(Judgement.MISPRINT, "3 & 4", "because", (*shown, *_lopsided()), {"x": 1.5})
-    write_audit(folder / AUDIT_FILE, [Entry("eq9.9", "(9.9)", "one is two", finding, "a command", ())], "all")
-    return write_audit_page(folder)
+    monkeypatch.setitem(ROWS, "eq3.7", Row("eq3.7", lambda: finding))
+    carry(folder, paper(["eq3.7"]), name="paper")
+    return write_audit_page(folder / "paper.h5")
 
 
 def _predictions(folder, monkeypatch):

@@ -1,6 +1,5 @@
 """The audit's machinery: checks, limits, readings, the file, the page and the command."""
 
-import json
 import math
 import re
 import subprocess
@@ -8,7 +7,6 @@ import sys
 import tomllib
 
 import h5py
-import numpy as np
 import pytest
 
 from actin_xcheck.core.mesh import disk
@@ -17,10 +15,11 @@ from actin_xcheck.core.observables import centroid
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.method import FORCE_BALANCE, load
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.audit.page import write_audit_page
-from actin_xcheck.studies.audit.record import FILE_NAME, Entry, read_audit, write_audit
-from actin_xcheck.studies.audit.row import Finding, Judgement
+from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.rows import ROWS
 from actin_xcheck.studies.audit.simulations.checks import FAILS, HOLDS, OPEN, Case, Check, simulation
 from actin_xcheck.studies.audit.simulations.readouts import (
@@ -30,14 +29,12 @@ from actin_xcheck.studies.audit.simulations.readouts import (
     mode_share,
     rim_excess,
 )
-from actin_xcheck.studies.audit.simulations.studies import FEM, Evidence, Limit, Study, changed, plan
+from actin_xcheck.studies.audit.simulations.studies import FEM, Evidence, Limit, Study, changed
 from actin_xcheck.studies.audit.simulations.translation import UnprojectedKrylov
-from actin_xcheck.studies.compare import is_done, run_all
+from actin_xcheck.studies.audit.study import Entry, paper
+from actin_xcheck.studies.stored import run_stored
 from actin_xcheck.theory.modes import Mode
-
-
-def quiet(label, done, total):
-    pass
+from tests.studies import carry
 
 
 @pytest.mark.parametrize(
@@ -107,10 +104,9 @@ def cell(tmp_path_factory):
     changes = (("time.end", 0.004), ("time.outputs", (0.004,)))
     case = Case("fig16-uniform-expansion", 2, changes, "test", (Closure.REFERENCE_NORMAL,))
     studies = tuple(Study(s.scene, s.label, s.reading, s.changes, s.method, s.levels) for s in case.studies())
-    jobs, evidence = plan(studies, folder)
-    (folder / "runs").mkdir()
-    run_all(jobs, quiet)
-    return case, [evidence[study] for study in studies]
+    for job in {job.file: job for study in studies for job in study.jobs().values()}.values():
+        run_stored(job, folder)
+    return case, [Evidence.of(study, folder) for study in studies]
 
 
 def test_a_row_follows_its_numbers(cell):
@@ -143,33 +139,42 @@ def test_readouts_know_the_fields_they_are_about(cell):
         area_change(run, 0.1)
 
 
-def test_an_audit_resumes_with_the_runs_of_the_same_code_only(cell):
-    _, (fem, *_) = cell
-    job, other, *_ = fem.study.jobs(next(iter(fem.files.values())).parents[1]).values()
-    versions = {"commit": "abc", "numpy": "2.0"}
-    for path, commit in (job.path, "abc"), (other.path, "abc-dirty"):
-        with h5py.File(path, "r+") as file:
-            file["run"].attrs["versions"] = json.dumps(versions | {"commit": commit})
-    assert is_done(job, versions)
-    assert not is_done(job, versions | {"numpy": "2.1"})
-    assert not is_done(other, versions | {"commit": "abc-dirty"})
+EXHIBIT = Sheet("numbers", "Numbers <b>", "", (("a", "b"), ("1", "2")))
+FOUND = Finding(Judgement.MISPRINT, "3 & 4", "because", (EXHIBIT,), {"x": 1.5})
 
 
-def test_the_file_keeps_every_entry_and_the_page_shows_it(tmp_path):
-    exhibit = Sheet("numbers", "Numbers <b>", "", (("a", "b"), ("1", "2")))
-    finding = Finding(Judgement.MISPRINT, "3 & 4", "because", (exhibit,), {"x": 1.5})
-    entry = Entry("eq9.9", "(9.9) <script>", "one is two", finding, "python -m x", ())
-    write_audit(tmp_path / FILE_NAME, [entry], "python -m y")
-    stored = read_audit(tmp_path / FILE_NAME)
-    assert stored.entries == (entry,)
-    assert stored.attributes["command"] == "python -m y"
-    with h5py.File(tmp_path / FILE_NAME) as file:
-        assert file["rows/eq9.9/numbers"].attrs["x"] == 1.5
-    page = write_audit_page(tmp_path).read_text(encoding="utf-8")
-    assert "misprint" in page
+def rows_of(folder):
+    with reading(folder / "paper.h5", "audit") as file:
+        return read_table(file["tables/rows"], Entry)
+
+
+def test_the_file_keeps_every_row_and_the_page_shows_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(ROWS, "eq3.7", Row("eq3.7", lambda: FOUND))
+    report = carry(tmp_path, paper(["eq3.7", "fig20a"], said=True), name="paper")
+    first, second = rows_of(tmp_path)
+    assert [first, second] == report.tables["rows"].rows
+    assert (first.judgement, first.computed, first.numbers) == (Judgement.MISPRINT, "3 & 4", (("x", 1.5),))
+    assert first.command.endswith("paper --only eq3.7")
+    assert second.place in report.findings[1]
+    assert report.verdicts == {"misprint": 1, "cannot be decided": 1}
+    page = write_audit_page(tmp_path / "paper.h5").read_text(encoding="utf-8")
+    assert 'id="show-misprint"' in page
     assert "3 &amp; 4" in page
-    assert "(9.9) &lt;script&gt;" in page
-    assert "(9.9) <script>" not in page
+    assert "Numbers &lt;b&gt;" in page
+    assert "Numbers <b>" not in page
+    assert "/exhibits/eq3.7/numbers" in page
+
+
+def test_a_row_rests_on_runs_that_are_made_once(tmp_path, monkeypatch, cell):
+    study = cell[1][0].study
+    monkeypatch.setitem(ROWS, "fig14", Row("fig14", lambda one: FOUND, (study,)))
+    monkeypatch.setitem(ROWS, "fig16", Row("fig16", lambda one, other: FOUND, (study, study)))
+    carry(tmp_path, paper(["fig14", "fig16"]), name="paper")
+    files = sorted(path.relative_to(tmp_path).as_posix() for path in (tmp_path / "runs").iterdir())
+    assert len(files) == len(study.levels)
+    assert [sorted(set(row.runs)) for row in rows_of(tmp_path)] == [files, files]
+    with h5py.File(tmp_path / "paper.h5") as file:
+        assert sorted(file["runs"].get(name, getlink=True).filename for name in file["runs"]) == files
 
 
 def test_every_figure_and_table_has_a_row_and_no_row_evades():
@@ -201,7 +206,7 @@ def test_the_command_examines_one_row(tmp_path):
     done = subprocess.run([*command, "--quiet"], capture_output=True, text=True, check=True)
     assert "cannot be decided" in done.stdout
     assert (tmp_path / "index.html").exists()
-    assert np.size(read_audit(tmp_path / FILE_NAME).entries) == 1
+    assert [row.key for row in rows_of(tmp_path)] == ["fig20a"]
 
 
 def test_an_unknown_row_is_one_line_with_those_nearby():

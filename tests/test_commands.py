@@ -12,16 +12,15 @@ from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import read_night
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_comparison, read_run
+from actin_xcheck.runs.store import read_comparison, read_run, reading
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
-from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT
-from actin_xcheck.studies.audit.record import read_audit
+from actin_xcheck.studies.audit.study import Entry
 from actin_xcheck.studies.closures.refinement import Course, follow
-from actin_xcheck.studies.converge.record import FILE_NAME as STUDIES
-from actin_xcheck.studies.converge.record import read_convergence
+from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
 from actin_xcheck.studies.distort.measure import answer_of
 from actin_xcheck.studies.extremes.plan import trials
@@ -63,7 +62,7 @@ def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path,
     scenes, methods, refine, dt, rtol = CASES[case]
     loaded = [load_scene(name) for name in scenes]
     (tmp_path / "c").mkdir()
-    jobs = comparison.jobs_of(loaded, [METHODS[one] for one in methods], tmp_path / "c", refine, dt, rtol)
+    jobs = comparison.jobs_of(loaded, [METHODS[one] for one in methods], refine, dt, rtol)
     with in_turn():
         claims = comparison.compare(jobs, tmp_path / "c", "")
     found = {}
@@ -129,18 +128,24 @@ def test_claims_of_the_checks_are_made_again_by_their_commands(check, tmp_path, 
 def test_an_order_is_made_again_by_its_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     typed(command("converge", "static-decay", method=P1, out="one"), "--quiet")
-    for result in read_convergence(tmp_path / "one" / STUDIES).results:
-        typed(result.command, "--out", result.refined, "--quiet")
-        made = {one.key: one for one in read_convergence(tmp_path / result.refined / STUDIES).results}
-        assert np.array_equal(made[result.key].errors, result.errors)
+    for order in _table(tmp_path / "one" / "converge.h5", "orders", Order):
+        typed(order.command, "--out", order.refined, "--quiet")
+        files = (tmp_path / one / "converge.h5" for one in ("one", order.refined))
+        first, again = (_table(file, "errors", Error) for file in files)
+        assert [one.error for one in again] == [one.error for one in first]
+
+
+def _table(path, name, kind):
+    with reading(path, "report") as file:
+        return read_table(file[f"tables/{name}"], kind)
 
 
 def test_a_row_of_the_audit_is_made_again_by_its_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     typed(command("paper", only="fig20a", out="one"), "--quiet")
-    (entry,) = read_audit(tmp_path / "one" / AUDIT).entries
+    (entry,) = _table(tmp_path / "one" / "paper.h5", "rows", Entry)
     typed(entry.command, "--out", "two", "--quiet")
-    assert read_audit(tmp_path / "two" / AUDIT).entries == (entry,)
+    assert _table(tmp_path / "two" / "paper.h5", "rows", Entry) == [entry]
 
 
 def test_a_run_on_a_distorted_mesh_is_made_again_by_its_command(tmp_path, monkeypatch):

@@ -5,44 +5,47 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-import typer
 
-from actin_xcheck.cli import converge
+from actin_xcheck.cli import studies as commands
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.records import read_record, write_record
+from actin_xcheck.runs.records import read_record, read_table, write_record
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_run
+from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
-from actin_xcheck.studies.compare import Job
-from actin_xcheck.studies.converge import examine as examination
-from actin_xcheck.studies.converge import studies as planning
-from actin_xcheck.studies.converge.page import write_convergence_page
-from actin_xcheck.studies.converge.record import FILE_NAME, read_convergence, write_convergence
-from actin_xcheck.studies.converge.studies import Level, Refined, Truth, final, studies_of
+from actin_xcheck.studies import stored
+from actin_xcheck.studies.converge.orders import Error, Order, claim_of
+from actin_xcheck.studies.converge.plan import Level, Refined, Truth, final, refinements_of
+from actin_xcheck.studies.converge.study import converge
+from actin_xcheck.studies.page import write_page
 from actin_xcheck.verdicts import conditions
 from actin_xcheck.verdicts.orders import Verdict, local_orders
 from actin_xcheck.verdicts.quantities import Quantity, error_of
 from tests.faults import FAULTS
-from tests.lab import FEM, FV, quiet, scene_of
+from tests.lab import FEM, FV, scene_of
+from tests.studies import carry
 
 H = 2.0 ** -np.arange(1, 6)
 
 
-def in_process(jobs, report):
-    """What `compare.run_all` does, where a test's faults are seen."""
-    for job in jobs:
-        run(job.scene, job.method, job.refine, job.dt, job.path, job.command)
+def planned(name, *methods):
+    return refinements_of(load_scene(name), [METHODS[method] for method in methods])
+
+
+def converged(folder, asked):
+    """The orders and errors of a report."""
+    tables = carry(folder, converge(asked), name="converge").tables
+    return tables["orders"].rows, tables["errors"].rows
 
 
 # the plan
 
 
-def test_dt_follows_h_by_the_declared_orders(tmp_path):
+def test_dt_follows_h_by_the_declared_orders():
     for method in METHODS.values():
-        tied = next(s for s in studies_of("growing-disk", [method], tmp_path) if s.refined is Refined.H)
+        tied = next(s for s in refinements_of(load_scene("growing-disk"), [method]) if s.refined is Refined.H)
         h, dt = np.array([tied.steps_of(level) for level in tied.levels]).T
         assert len(h) >= 5
         assert np.diff(np.log2(h)) == pytest.approx(-np.ones(len(h) - 1))  # consecutive
@@ -50,9 +53,9 @@ def test_dt_follows_h_by_the_declared_orders(tmp_path):
         assert local_orders(h, dt) == pytest.approx(ratio, abs=0.2)
 
 
-def test_what_is_measured_follows_what_a_scene_expects(tmp_path):
+def test_what_is_measured_follows_what_a_scene_expects():
     def truths(name, method=FEM):
-        return {(s.refined, s.quantity): s.truth for s in studies_of(name, [METHODS[method]], tmp_path)}
+        return {(s.refined, s.quantity): s.truth for s in planned(name, method)}
 
     a, h, dt = Quantity.CONCENTRATION, Refined.H, Refined.DT
     assert truths("growing-disk") == {(h, a): Truth.EXACT, (dt, a): Truth.RICHARDSON}
@@ -76,25 +79,25 @@ def test_what_is_measured_follows_what_a_scene_expects(tmp_path):
         ("fig17-uniform-contraction", "at t = 0"),  # viscous, but d(cos x)/dn does not vanish
     ],
 )
-def test_orders_are_claimed_of_smooth_compatible_data_only(name, reason, tmp_path):
-    study = studies_of(name, [METHODS[FEM]], tmp_path)[0]
-    assert reason in study.no_claim
-    assert bool(study.no_claim) == bool(reason)
+def test_orders_are_claimed_of_smooth_compatible_data_only(name, reason):
+    one = planned(name, FEM)[0]
+    assert reason in one.no_claim
+    assert bool(one.no_claim) == bool(reason)
 
 
-def test_the_trace_of_div_u_costs_a_viscoelastic_rim_an_order_in_h(tmp_path):
+def test_the_trace_of_div_u_costs_a_viscoelastic_rim_an_order_in_h():
     def declared(name, method):
-        return {(one.refined, one.declared) for one in studies_of(name, [METHODS[method]], tmp_path)}
+        return {(one.refined, one.declared) for one in planned(name, method)}
 
     assert declared("fitted-ring", "fem-p2-imex3") == {(Refined.H, 3), (Refined.DT, 3)}
     assert declared("fitted-ring-elastic", "fem-p2-imex3") == {(Refined.H, 2), (Refined.DT, 3)}
     assert declared("mode-0-cell", "fem-p2-imex3") == {(Refined.H, 3), (Refined.DT, 3)}  # p = 0
 
 
-def test_high_orders_in_time_are_claimed_where_all_conditions_are_met(tmp_path):
+def test_high_orders_in_time_are_claimed_where_all_conditions_are_met():
     def claimed(name, method="fem-p2-imex3"):
-        studies = studies_of(name, [METHODS[method]], tmp_path)
-        return {study.quantity for study in studies if not study.no_claim}
+        asked = planned(name, method)
+        return {one.quantity for one in asked if not one.no_claim}
 
     for name in ("static-decay", "growing-disk", "manufactured-moving", "manufactured-static"):
         assert claimed(name) == claimed(name, "fem-p4-imex4") == {Quantity.CONCENTRATION}
@@ -131,26 +134,26 @@ def test_a_ring_that_data_do_not_fit_is_seen(this, other):
 
 
 def test_without_arguments_every_method_that_moves_its_nodes_is_studied():
-    chosen = {name: converge._default_methods(name, named=False) for name in converge.DEFAULT_SCENES}
+    chosen = {name: commands.moving_their_own(name, named=False) for name in commands.CONVERGED}
     studied = {method for methods in chosen.values() for method in methods}
     assert studied == {one.name for one in METHODS.values() if one.driven_by is None or not one.order_h}
     assert "fem-p4-imex4" not in chosen["smooth-fronts"]
-    assert "fem-p4-imex4" in converge._default_methods("smooth-fronts", named=True)
+    assert "fem-p4-imex4" in commands.moving_their_own("smooth-fronts", named=True)
 
 
-def test_a_scene_is_run_without_intermediate_outputs(tmp_path):
-    scene = final(load_scene("fig16-uniform-expansion"), tmp_path)
+def test_a_scene_is_run_without_intermediate_outputs():
+    scene = final(load_scene("fig16-uniform-expansion"))
     assert scene.output_times == (0.518,)
     assert [at.time for at in scene.expect.reference.at] == [0.518]
-    assert scene.origin == str(tmp_path / "scenes" / "fig16-uniform-expansion.toml")
+    assert scene.origin == "scenes/fig16-uniform-expansion.toml"
     assert scene.parameters.l0 == 0.8  # f jumps there
-    assert final(load_scene("mode-0-cell"), tmp_path).parameters.l0 == 0.5
+    assert final(load_scene("mode-0-cell")).parameters.l0 == 0.5
 
 
-def test_a_scene_ends_with_its_last_reference(tmp_path):
+def test_a_scene_ends_with_its_last_reference():
     text = load_scene("fig16-uniform-expansion").text
     longer = text.replace("end = 0.518", "end = 0.6")
-    assert final(parse_scene(longer, "long.toml"), tmp_path).output_times == (0.518,)
+    assert final(parse_scene(longer, "long.toml")).output_times == (0.518,)
 
 
 # the machinery
@@ -160,53 +163,58 @@ COARSE = (Level(2, 4), Level(3, 16), Level(4, 64))
 IN_TIME = tuple(Level(2, steps) for steps in (10, 20, 40, 80))
 
 
-def coarse_studies(name, methods, folder):
+def coarse(name, *methods):
     levels = {Refined.H: COARSE, Refined.DT: IN_TIME}
-    studies = studies_of(name, [METHODS[method] for method in methods], folder)
-    return [replace(study, levels=levels[study.refined]) for study in studies]
+    return [replace(one, levels=levels[one.refined]) for one in planned(name, *methods)]
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """A report on three coarse levels by both codes, run by the workers."""
+    """A report on three coarse levels by both codes."""
     folder = tmp_path_factory.mktemp("converge")
-    studies = coarse_studies("growing-disk", (FEM, FV), folder)
-    return folder, examination.examine(studies, folder, "a command", quiet)
+    return folder, carry(folder, converge(coarse("growing-disk", FEM, FV)), name="converge")
 
 
 def test_both_codes_show_their_orders_on_coarse_levels(report):
-    _, results = report
-    assert len(results) == 4
-    assert [result.observed.verdict for result in results] == [Verdict.PASS] * 4
+    _, found = report
+    assert [order.verdict for order in found.tables["orders"].rows] == [Verdict.PASS] * 4
+    assert found.title == "4 of 4 claimed orders hold"
+    assert found.verdicts == {"PASS": 4}
 
 
-def test_the_file_gives_back_what_was_found(report):
-    folder, results = report
-    stored = read_convergence(folder / FILE_NAME)
-    assert stored.attributes["command"] == "a command"
-    for result, read in zip(results, stored.results, strict=True):
-        assert (read.key, read.observed, read.runs) == (result.key, result.observed, result.runs)
-        assert (read.claimed, read.declared, read.endings) == (True, result.declared, result.endings)
-        assert np.array_equal(read.errors, result.errors)
-        assert (folder / read.runs[0]).exists()
+def test_the_file_gives_back_what_was_found_and_links_its_runs(report):
+    folder, found = report
+    with reading(folder / "converge.h5", "report") as file:
+        assert read_table(file["tables/orders"], Order) == found.tables["orders"].rows
+        errors = read_table(file["tables/errors"], Error)
+        assert str(errors) == str(found.tables["errors"].rows)  # nan is not equal to itself
+        for error in errors:
+            assert (folder / error.file).exists()
+            name = error.file.rpartition("/")[2]
+            assert file["runs"].get(name, getlink=True).filename == error.file
 
 
-def test_the_page_holds_every_study_and_is_made_of_the_file_alone(report, tmp_path):
-    folder, results = report
-    write_convergence(tmp_path / FILE_NAME, results, "a command")
-    page = write_convergence_page(tmp_path).read_text(encoding="utf-8")
-    assert page == write_convergence_page(folder).read_text(encoding="utf-8").replace(
-        read_convergence(folder / FILE_NAME).attributes["date"],
-        read_convergence(tmp_path / FILE_NAME).attributes["date"],
-    )
+def test_the_page_holds_every_order_and_error(report):
+    folder, found = report
+    page = write_page(folder / "converge.h5").read_text(encoding="utf-8")
     assert "4 of 4" in page
-    for result in results:
-        assert f"/studies/{result.key}" in page
-        assert result.command in page
-        assert f"{result.errors[-1]:.3g}" in page
-        assert f"{result.observed.slope:.2f} [{result.observed.low:.2f}" in page
+    for order in found.tables["orders"].rows:
+        assert order.command in page
+        assert f'<td class="number">{order.slope:.5g}</td>' in page
+    for error in found.tables["errors"].rows:
+        assert f"{error.error:.5g}" in page
+        assert f'<a href="{error.file}">' in page
     assert page.count("<svg") == 2  # in h and in dt, both codes together
     assert "order 2" in page
+
+
+def test_an_order_is_claimed_by_its_verdict(report):
+    order = replace(report[1].tables["orders"].rows[0], declared=2.0, before=2.1, last=1.95)
+    claim = claim_of(order)
+    assert (claim.verdict, claim.value) == ("PASS", pytest.approx(0.1))
+    assert claim_of(replace(order, at_least=True)).value == pytest.approx(0.05)
+    assert claim_of(replace(order, verdict=Verdict.IN_ROUND_OFF)).verdict == "NOT JUDGED"
+    assert claim_of(replace(order, verdict=Verdict.FAIL)).excess == "there is no number"  # another reason
 
 
 def test_a_logarithmic_plot_with_a_guide_comes_back_and_is_drawn(tmp_path):
@@ -230,48 +238,48 @@ def test_a_logarithmic_plot_with_a_guide_comes_back_and_is_drawn(tmp_path):
 @pytest.mark.parametrize("fault", ["freeze the mesh", "drop the dilution"])
 def test_a_fault_turns_an_order_claim_red(fault, method, tmp_path, monkeypatch):
     FAULTS[fault](monkeypatch)
-    monkeypatch.setattr(examination, "run_all", in_process)
-    studies = coarse_studies("growing-disk", (method,), tmp_path)
-    in_space = [study for study in studies if study.refined is Refined.H]
-    (result,) = examination.examine(in_space, tmp_path, "", quiet)
-    assert result.observed.verdict is Verdict.FAIL
+    in_space = [one for one in coarse("growing-disk", method) if one.refined is Refined.H]
+    found = carry(tmp_path, converge(in_space), name="converge")
+    (order,), (claim,) = found.tables["orders"].rows, found.claims
+    assert order.verdict is Verdict.FAIL
+    assert claim.verdict == "FAIL"
 
 
 def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
     """psi = 7.8e3 breaks down under every one of these steps."""
     text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
-    path = tmp_path / "breaks.toml"
-    path.write_text(text, encoding="utf-8")
+    asked = refinements_of(parse_scene(text, "breaks.toml"), [METHODS[FEM]])[0]
     levels = tuple(Level(refine, 40) for refine in (1, 2, 3, 4))
-    studies = studies_of(path, [METHODS[FEM]], tmp_path)
-    study = replace(studies[0], levels=levels)
-    (result,) = examination.examine([study], tmp_path, "", quiet)
-    assert np.isnan(result.errors).any()
-    assert any(result.endings)
-    page = write_convergence_page(tmp_path).read_text(encoding="utf-8")
+    _, errors = converged(tmp_path, [replace(asked, levels=levels)])
+    assert np.isnan([error.error for error in errors]).any()
+    endings = [error.ending for error in errors if error.ending]
+    page = write_page(tmp_path / "converge.h5").read_text(encoding="utf-8")
     assert "✕" in page
-    assert next(ending for ending in result.endings if ending).split(":")[0] in page
+    assert endings[0].split(":")[0] in page
 
 
-def test_nothing_is_run_twice_by_the_same_code(tmp_path, monkeypatch):
-    monkeypatch.setattr(examination, "provenance", lambda: VERSIONS)
-    monkeypatch.setattr("actin_xcheck.runs.run.provenance", lambda: VERSIONS)
-    done: list[Job] = []
+def test_a_run_whose_file_is_gone_is_made_again_and_no_other(tmp_path, monkeypatch):
+    done = []
 
-    def counted(jobs, report):
-        done.extend(jobs)
-        in_process(jobs, report)
+    def counted(scene, method, refine, dt, path, *more, **options):
+        done.append(path)
+        return run(scene, method, refine, dt, path, *more, **options)
 
-    monkeypatch.setattr(examination, "run_all", counted)
-    studies = coarse_studies("static-decay", (FEM,), tmp_path)
-    examination.examine(studies, tmp_path, "", quiet)
+    monkeypatch.setattr(stored, "run", counted)
+    asked = coarse("static-decay", FEM)
+    converged(tmp_path, asked)
     assert len(done) == len(COARSE) + len(IN_TIME)
-    done[0].path.unlink()
-    examination.examine(studies, tmp_path, "", quiet)
-    assert len(done) == len(COARSE) + len(IN_TIME) + 1
+    done[0].unlink()
+    converged(tmp_path, asked)
+    assert done[len(COARSE) + len(IN_TIME) :] == done[:1]
 
 
-VERSIONS = {"python": "3", "commit": "0123"}
+def test_the_scene_of_a_run_lies_where_its_command_finds_it(report):
+    folder, found = report
+    made = read_run(folder / found.tables["errors"].rows[0].file)
+    scene = load_scene(folder / "scenes" / "growing-disk.toml")
+    assert made.attributes["scene"] == scene.text
+    assert f"run {scene.origin} " in made.attributes["command"]
 
 
 @pytest.mark.parametrize(
@@ -303,44 +311,31 @@ def test_a_growth_rate_that_cannot_be_fitted_is_no_number(tmp_path):
 # the command
 
 
-def test_the_command_exits_by_its_verdicts(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(planning, "REFINES", (1, 2, 3, 4))
-    monkeypatch.setattr(planning, "FIXED_STEPS", (10, 20, 40, 80))
-    monkeypatch.setattr(examination, "run_all", in_process)
-    with pytest.raises(typer.Exit) as ended:
-        converge.converge_command(["growing-disk"], [FEM], tmp_path / "good", True)
-    assert ended.value.exit_code == 0
-    assert "index.html" in capsys.readouterr().out
-    FAULTS["drop the dilution"](monkeypatch)
-    with pytest.raises(typer.Exit) as ended:
-        converge.converge_command(["growing-disk"], [FEM], tmp_path / "bad", True)
-    assert ended.value.exit_code == 1
-    assert "FAIL growing-disk [fem-p1-paper]: concentration" in capsys.readouterr().out
+@pytest.mark.parametrize(
+    ("scenes", "method", "message"),
+    [
+        (["no-such-scene"], FEM, "unknown scene"),
+        (["static-decay"], "fem", "not a method"),
+        (["static-decay", "copy.toml"], FEM, "more than one scene"),
+        (["smooth-fronts"], "fv-tpfa", "stall"),
+    ],
+)
+def test_mistakes_are_one_line_and_make_no_folder(scenes, method, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "copy.toml").write_text(load_scene("static-decay").text, encoding="utf-8")
+    with pytest.raises(UserError, match=message):
+        commands.converge(scenes=scenes, methods=[method], out_dir=tmp_path / "none")
+    assert not (tmp_path / "none").exists()
 
 
-def test_mistakes_are_one_line(tmp_path):
-    folder = tmp_path / "none"
-    copy = tmp_path / "copy.toml"
-    copy.write_text(load_scene("static-decay").text, encoding="utf-8")
-    for scenes, methods, message in (
-        (["no-such-scene"], None, "unknown scene"),
-        (["static-decay"], ["fem"], "not a method"),
-        (["static-decay", str(copy)], [FEM], "more than one scene"),
-    ):
-        with pytest.raises(UserError, match=message):
-            converge.converge_command(scenes, methods, folder, True)
-        assert not folder.exists()
-    with pytest.raises(UserError, match="stall"):
-        converge.converge_command(["smooth-fronts"], ["fv-tpfa"], folder, True)
-
-
-def test_a_scene_that_expects_nothing_is_its_own_reference(tmp_path, monkeypatch):
-    monkeypatch.setattr(examination, "run_all", in_process)
-    path = tmp_path / "own.toml"
-    path.write_text(scene_of("psi = 50.0\np = 0.0", a="1 + 0.1*J(0, 3.8317059702075125*r)").text, "utf-8")
-    studies = [replace(s, levels=(Level(1, 1), *COARSE)) for s in studies_of(path, [METHODS[FEM]], tmp_path)]
-    in_space = [study for study in studies if study.refined is Refined.H]
-    results = examination.examine(in_space, tmp_path, "", quiet)
-    assert [len(result.errors) for result in results] == [3, 3]  # one fewer than runs
-    assert all(result.claimed and np.isfinite(result.errors).all() for result in results)
-    assert all(len(result.runs) == 4 for result in results)
+def test_a_scene_that_expects_nothing_is_its_own_reference(tmp_path):
+    own = scene_of("psi = 50.0\np = 0.0", a="1 + 0.1*J(0, 3.8317059702075125*r)")
+    levels = (Level(1, 1), *COARSE)
+    asked = [replace(one, levels=levels) for one in refinements_of(own, [METHODS[FEM]])]
+    in_space = [one for one in asked if one.refined is Refined.H]
+    orders, errors = converged(tmp_path, in_space)
+    assert len(errors) == 2 * 3  # one fewer than runs
+    assert all(order.claimed for order in orders)
+    assert np.isfinite([error.error for error in errors]).all()
+    assert [error.finer_file for error in errors[:2]] == [error.file for error in errors[1:3]]
+    assert errors[2].finer_file == f"runs/{own.name}--{FEM}--4--64.vtkhdf"

@@ -19,8 +19,8 @@ from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.converge.examine import examine
-from actin_xcheck.studies.converge.studies import studies_of
+from actin_xcheck.studies.converge.plan import refinements_of
+from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
 from actin_xcheck.studies.distort.measure import answer_of
 from actin_xcheck.studies.frontier.limits import AMPLITUDE, lines_of, theory_chapter
@@ -30,6 +30,7 @@ from actin_xcheck.verdicts.orders import Verdict
 from actin_xcheck.verdicts.triangulate import read_triangles
 from tests import test_contract
 from tests.lab import error_against, film_of, local_orders, play, scene_of
+from tests.studies import carry
 from tests.test_docs import ROOT, TEN_LINES
 
 TOY = "toy-midpoint"
@@ -201,8 +202,8 @@ def test_its_failures_are_values(among_all):
 @pytest.mark.parametrize(("declared", "expected"), [(2, {Verdict.PASS}), (3, {Verdict.FAIL})])
 def test_an_order_that_is_not_there_is_found(declared, expected, toy, tmp_path):
     method = dataclasses.replace(toy, order_dt=declared)
-    results = examine(studies_of("growing-disk", [method], tmp_path), tmp_path, "", lambda *told: None)
-    judged = {one.observed.verdict for one in results if one.refined == "dt"}
+    report = carry(tmp_path, converge(refinements_of(load_scene("growing-disk"), [method])), name="converge")
+    judged = {one.verdict for one in report.tables["orders"].rows if one.refined == "dt"}
     assert judged == expected
 
 
@@ -218,7 +219,7 @@ def twins(toy):
 
 
 def compared(folder, methods, scene="growing-disk"):
-    jobs = comparison.jobs_of([load_scene(scene)], methods, folder, 3, 0.05)
+    jobs = comparison.jobs_of([load_scene(scene)], methods, 3, 0.05)
     with in_turn():
         return comparison.compare(jobs, folder, "")
 

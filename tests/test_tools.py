@@ -213,7 +213,6 @@ def test_a_sweep_by_a_scheduler_has_no_jobs_of_its_own(tmp_path: Path) -> None:
         (("compare", "static-decay"), "comparison.h5"),
         (("faults", "--only", "fv-leak"), "faults.h5"),
         (("extremes",), "extremes.h5"),
-        (("paper", "--only", "fig14"), "audit.h5"),
         (("predict", "report"), "predict.h5"),
     ],
 )

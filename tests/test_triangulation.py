@@ -11,11 +11,12 @@ from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_comparison, read_run
+from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import scene_text
-from actin_xcheck.studies import compare
-from actin_xcheck.studies.compare import Job, companions, jobs_of
+from actin_xcheck.studies.compare import companions, compare, jobs_of
 from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.stored import Stored
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.known import known
 from actin_xcheck.verdicts.triangulate import Corner, Levels, estimate, read_triangles, triangulate, verdict
@@ -37,12 +38,12 @@ SCENES = ["growing-disk", *(pytest.param(name, marks=SLOW) for name in list(AT)[
 
 def levels_of(scene, method, folder, refine, steps):
     """A method's runs of a scene, finest first."""
-    job = Job(scene, METHODS[method], refine, scene.time.end / steps, folder / f"{method}.vtkhdf")
-    other = replace(job, method=METHODS[FV if method == FEM else FEM], path=folder / "other.vtkhdf")
+    job = Stored(scene, METHODS[method], refine, scene.time.end / steps, f"{method}.vtkhdf")
+    other = replace(job, method=METHODS[FV if method == FEM else FEM], file="other.vtkhdf")
     levels = [job, *(one for one in companions([job, other]) if one.method is job.method)]
     for one in levels:
-        run(scene, one.method, one.refine, one.dt, one.path)
-    return Levels(job.method, tuple(read_run(one.path) for one in levels))
+        run(scene, one.method, one.refine, one.dt, folder / one.file)
+    return Levels(job.method, tuple(read_run(folder / one.file) for one in levels))
 
 
 @pytest.fixture(scope="module")
@@ -122,13 +123,13 @@ TRUE = {
 def adaptive_levels(method, refine, rtol, folder):
     """Fig. 14 by a tolerance and its companions, all as a sector: the same numbers, sooner."""
     scene, chosen = load_scene("fig14-four-fronts"), METHODS[method]
-    (job,) = jobs_of([scene], [chosen], folder, refine, None, rtol)
-    other = replace(job, method=METHODS[FV], path=folder / "other.vtkhdf")
+    (job,) = jobs_of([scene], [chosen], refine, None, rtol)
+    other = replace(job, method=METHODS[FV], file="other.vtkhdf")
     part = reduced(scene, chosen, Fidelity.SECTOR)
     levels = [job, *(one for one in companions([job, other]) if one.method is chosen)]
     for one in levels:
-        run(scene, chosen, one.refine, one.dt, one.path, rtol=one.rtol, reduction=part)
-    return scene, Levels(chosen, tuple(read_run(one.path) for one in levels))
+        run(scene, chosen, one.refine, one.dt, folder / one.file, rtol=one.rtol, reduction=part)
+    return scene, Levels(chosen, tuple(read_run(folder / one.file) for one in levels))
 
 
 @pytest.mark.parametrize(
@@ -169,9 +170,9 @@ def test_what_linear_systems_leave_is_part_of_it(tmp_path):
 # companions
 
 
-def test_companions_keep_errors_in_space_and_time_in_step(tmp_path):
+def test_companions_keep_errors_in_space_and_time_in_step():
     scene = load_scene("fig14-four-fronts")
-    jobs = jobs_of([scene], [METHODS[FEM], METHODS["fem-p3-imex4"], METHODS[FV]], tmp_path, 5, None)
+    jobs = jobs_of([scene], [METHODS[FEM], METHODS["fem-p3-imex4"], METHODS[FV]], 5, None)
     beside = companions(jobs)
     assert [job.refine for job in beside] == [4, 3] * 3
     paper = [step_count(job.dt, scene.output_times) for job in (jobs[0], *beside[:2])]
@@ -179,18 +180,18 @@ def test_companions_keep_errors_in_space_and_time_in_step(tmp_path):
     assert paper[1] / paper[2] == pytest.approx(4, rel=0.05)
     fourth = [step_count(job.dt, scene.output_times) for job in (jobs[1], *beside[2:4])]
     assert fourth[0] / fourth[1] == pytest.approx(2, rel=0.05)
-    assert len({job.path for job in [*jobs, *beside]}) == 9
+    assert len({job.file for job in [*jobs, *beside]}) == 9
 
 
-def test_adaptive_companions_loosen_their_tolerance_instead(tmp_path):
-    jobs = jobs_of([load_scene("stirred")], [METHODS["fem-p2-imex3"], METHODS[FV]], tmp_path, 4, None, 1e-6)
+def test_adaptive_companions_loosen_their_tolerance_instead():
+    jobs = jobs_of([load_scene("stirred")], [METHODS["fem-p2-imex3"], METHODS[FV]], 4, None, 1e-6)
     assert [job.rtol for job in companions(jobs)[:2]] == pytest.approx([8e-6, 64e-6])
 
 
-def test_one_code_alone_and_a_method_without_order_have_no_companions(tmp_path):
+def test_one_code_alone_and_a_method_without_order_have_no_companions():
     scene = load_scene("stirred")
-    assert companions(jobs_of([scene], [METHODS[FEM], METHODS["fem-p2-imex3"]], tmp_path, 4, None)) == []
-    beside = companions(jobs_of([scene], [METHODS[FEM], METHODS["fv-tpfa"]], tmp_path, 4, None))
+    assert companions(jobs_of([scene], [METHODS[FEM], METHODS["fem-p2-imex3"]], 4, None)) == []
+    beside = companions(jobs_of([scene], [METHODS[FEM], METHODS["fv-tpfa"]], 4, None))
     assert {job.method.name for job in beside} == {FEM}
 
 
@@ -376,11 +377,11 @@ def test_runs_that_fail_are_compared_as_far_as_both_came(outputs, verdicts, tmp_
     assert all("singular_dilation" in one.sentence for one in found)
 
 
-def test_a_comparison_keeps_its_triangles_and_shows_them_from_files_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr(compare, "run_all", lambda jobs, report: [compare._run(job, report) for job in jobs])
+def test_a_comparison_keeps_its_triangles_and_shows_them_from_files_alone(tmp_path):
     scene = load_scene("static-decay")
-    jobs = jobs_of([scene], [METHODS[FEM], METHODS[FV]], tmp_path, 3, 0.05)
-    claims = compare.compare(jobs, tmp_path, "the command")
+    jobs = jobs_of([scene], [METHODS[FEM], METHODS[FV]], 3, 0.05)
+    with in_turn():
+        claims = compare(jobs, tmp_path, "the command")
     stored = read_triangles(tmp_path / "comparison.h5")
     assert [one.quantity for one in stored] == ["area", "total_actin", "probe_a", "probe_x"]
     of_triangles = [claim for claim in claims if claim.kind is ClaimKind.TRIANGLE]

@@ -13,7 +13,7 @@ from actin_xcheck.runs.store import read_run
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.converge.studies import final
+from actin_xcheck.studies.converge.plan import final
 from actin_xcheck.verdicts.judge import judge, reference_errors
 from actin_xcheck.verdicts.known import known
 from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
@@ -90,9 +90,9 @@ def test_a_run_is_not_missed_at_a_time_where_nothing_is_judged(still):
     assert np.isnan(errors["area"])
 
 
-def test_a_study_of_the_last_time_has_no_bound_for_what_is_not_judged_then(tmp_path):
+def test_a_study_of_the_last_time_has_no_bound_for_what_is_not_judged_then():
     text = SCENE.format("[nan, nan]").replace("probe_a = [nan, nan]", "probe_a = [1.0, nan]", 1)
-    scene = final(parse_scene(text, "still.toml"), tmp_path)
+    scene = final(parse_scene(text, "still.toml"))
     assert scene.expect.reference.bound.probe_a is None
     assert scene.expect.reference.bound.area is not None
 

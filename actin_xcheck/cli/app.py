@@ -13,11 +13,10 @@ import typer
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.compare import compare_command
-from actin_xcheck.cli.converge import converge_command
+from actin_xcheck.cli.conduct import page_of
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
 from actin_xcheck.cli.options import Json, print_table
-from actin_xcheck.cli.paper import paper_command
 from actin_xcheck.cli.render import export_command, render_command
 from actin_xcheck.cli.run import run_command
 from actin_xcheck.cli.sweep import sweep_command
@@ -37,8 +36,8 @@ app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
 app.command("compare")(compare_command)
 app.command("run")(run_command)
-app.command("paper")(paper_command)
-app.command("converge")(converge_command)
+app.command("paper")(studies.paper)
+app.command("converge")(studies.converge)
 app.command("chart")(chart_command)
 app.command("sweep")(sweep_command)
 app.command("render")(render_command)
@@ -81,7 +80,7 @@ def report_command(folder: Path, json: Json = False) -> None:
     import numpy as np
 
     from actin_xcheck.cli.output import ReportAnswer, conclude
-    from actin_xcheck.studies.page import study_file, write_page
+    from actin_xcheck.studies.page import study_file
 
     file, pages = study_file(folder), _pages()
     found = [page for name, page in pages.items() if (folder / name).exists()]
@@ -89,7 +88,7 @@ def report_command(folder: Path, json: Json = False) -> None:
         raise UserError(f"{folder}: {_holds(folder)}; valid: the folder of a command that writes a report")
     try:
         with np.errstate(all="ignore"):
-            page = write_page(file) if file else found[0](folder)
+            page = page_of(file) if file else found[0](folder)
     except (UserError, OSError):
         raise
     except Exception as error:  # its files may hold anything
@@ -101,20 +100,14 @@ def _pages() -> dict[str, Callable[[Path], Path]]:
     """What writes the page of a report that is no study, by the file that it is kept in."""
     from actin_xcheck.nightly.dashboard import write_night_page
     from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
-    from actin_xcheck.studies.audit.page import write_audit_page
-    from actin_xcheck.studies.audit.record import FILE_NAME as AUDIT_FILE
     from actin_xcheck.studies.chart.page import write_chart_page
     from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
     from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
     from actin_xcheck.studies.compare_page import write_report
-    from actin_xcheck.studies.converge.page import write_convergence_page
-    from actin_xcheck.studies.converge.record import FILE_NAME as CONVERGENCE_FILE
 
     return {
-        AUDIT_FILE: write_audit_page,
         CHART_FILE: write_chart_page,
         COMPARISON_FILE: write_report,
-        CONVERGENCE_FILE: write_convergence_page,
         NIGHT_FILE: write_night_page,
     }
 

@@ -42,7 +42,7 @@ def compare_command(
     methods = [find_method(name) for name in dict.fromkeys(method or comparison.DEFAULT_METHODS)]
     folder = report_folder(out_dir, "compare")
     with report_in(folder, comparison.FILE_NAME, "a comparison", force):
-        jobs = comparison.jobs_of(loaded, methods, folder, refine, dt, rtol)
+        jobs = comparison.jobs_of(loaded, methods, refine, dt, rtol)
         for scene in loaded:
             warn_of(scene)
         with Progress(quiet) as progress:

@@ -79,7 +79,6 @@ def carry_out(
     from actin_xcheck.runs.executor import executor, jobs_asked
     from actin_xcheck.studies import study as studies
     from actin_xcheck.studies.folder import make_folder
-    from actin_xcheck.studies.page import write_page
 
     processes_wanted = jobs_asked(jobs, scheduler)
     file = make_folder(folder) / f"{name}.h5"
@@ -88,7 +87,15 @@ def carry_out(
             studies.begin_anew(folder)
         with executor(processes_wanted, scheduler) as processes:
             report = studies.carry_out(name, study, folder, command(), processes, progress.report)
-        return report, write_page(file)
+        return report, page_of(file)
+
+
+def page_of(file: Path) -> Path:
+    """Write the page of a study from its file and return its path: most have the same."""
+    from actin_xcheck.studies.audit.page import write_audit_page
+    from actin_xcheck.studies.page import write_page
+
+    return {"paper.h5": write_audit_page}.get(file.name, write_page)(file)
 
 
 def _say(name: str, report: "Report", page: Path, json: bool) -> None:
@@ -97,7 +104,7 @@ def _say(name: str, report: "Report", page: Path, json: bool) -> None:
 
     failed = [claim for claim in report.claims if claim.judged and not claim.holds]
     said = [f"FAIL {claim.sentence}" for claim in failed]
-    verdicts = dict(Counter(claim.verdict for claim in report.claims))
+    verdicts = dict(report.verdicts or Counter(claim.verdict for claim in report.claims))
     answer = ReportAnswer(command=name, page=str(page), verdicts=verdicts, findings=(*said, *report.findings))
     conclude(answer, report.title, json)
     raise typer.Exit(1 if failed else 0)

@@ -57,7 +57,7 @@ class Progress:
             return
         if label not in self.tasks:
             self.tasks[label] = self.bars.add_task(label, total=total)
-        self.bars.update(self.tasks[label], completed=done)
+        self.bars.update(self.tasks[label], completed=done, total=total)  # what is asked next has its own
 
     def left(self, label: str, done: float, total: float) -> float:
         """Seconds until all is done at the pace so far, within the budget; inf where nothing tells."""

@@ -12,6 +12,89 @@ from actin_xcheck.cli.conduct import Methods, Only, Scenes, study_command
 if TYPE_CHECKING:
     from actin_xcheck.studies.study import Study
 
+CONVERGED = {
+    "static-decay": 2,
+    "growing-disk": 3,
+    "stirred": 2,
+    "stirred-static": 2,
+    "manufactured-moving": 4,
+    "manufactured-static": 4,
+    "fitted-ring": 3,
+    "fitted-ring-elastic": 2,
+    "smooth-fronts": 1,
+    "mode-0-cell": 2,
+    "fig14-four-fronts": 1,
+}
+"""Scenes and the highest order of their elements: above it nothing is claimed, or one level takes minutes."""
+
+EXHIBITED = "manufactured-moving"
+"""Where the exhibits of what stalls are shown unless they are asked for."""
+
+
+@study_command("converge")
+def converge(scenes: Scenes = None, methods: Methods = None) -> "Study":
+    """Refine h and dt, read the observed orders off and hold them against those the methods declare.
+
+    SCENE is a shipped name or the path of a TOML file; default: exact and manufactured solutions, the coupled
+    model from smooth data, a mode of the cell and Fig. 14, with the methods that move their own nodes, as far
+    as their orders say something there, and the one that stalls.  Scenes that are named are studied with all
+    of these.  Exit code 0 when no claim fails, 1 when one does, 2 for a mistake in what was asked.
+    """
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.scene.scene import load_scenes
+    from actin_xcheck.studies.converge.plan import refinements_of
+    from actin_xcheck.studies.converge.study import converge as study
+
+    asked = [
+        one
+        for scene in load_scenes(scenes or CONVERGED)
+        for one in refinements_of(
+            scene, find_methods(methods or moving_their_own(scene.name, named=bool(scenes)))
+        )
+    ]
+    if not asked:
+        raise UserError("--method: what is declared to stall is studied where the exact solution is known")
+    return study(asked)
+
+
+def moving_their_own(scene: str, named: bool) -> list[str]:
+    """Methods that move their own nodes: driven ones repeat their scheme, or stall and are shown once."""
+    from actin_xcheck.runs.method import METHODS
+
+    return [
+        one.name
+        for one in METHODS.values()
+        if (one.driven_by is None and (named or one.space <= CONVERGED[scene]))
+        or (scene == EXHIBITED and not one.order_h)
+    ]
+
+
+@study_command("paper")
+def paper(
+    only: Annotated[
+        list[str] | None, typer.Option(help="One row, such as fig14 or eq3.7; may be given more than once.")
+    ] = None,
+) -> "Study":
+    """Hold every equation, table, figure and number of the article against what is computed here.
+
+    Takes about a quarter of an hour on two cores.  A row's key stands beside it on the page.
+    """
+    from difflib import get_close_matches
+
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.studies.audit.rows import ROWS
+    from actin_xcheck.studies.audit.study import paper as study
+
+    for key in only or ():
+        if key not in ROWS:
+            some = ", ".join(get_close_matches(key, ROWS, 3) or list(ROWS)[:5])
+            raise UserError(
+                f"--only: no row is called {key!r}; valid are {some} and others, {len(ROWS)} in all"
+            )
+    return study(list(dict.fromkeys(only or ROWS)), said=bool(only))
+
+
 DISTORTED = {
     "smooth-fronts": ("perturbed", "stretched", "slivers"),
     "fitted-ring": ("off-ring",),

@@ -8,17 +8,17 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.nightly.history.record import Kind, Number
+from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
-from actin_xcheck.studies.converge.record import FILE_NAME as STUDIES
-from actin_xcheck.studies.converge.record import read_convergence
+from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.verdicts.triangulate import read_triangles
 
-COMPARISON = "comparison.h5"
+COMPARISON, ORDERS = "comparison.h5", "converge.h5"
 
 
 def located(claim: Claim, folder: Path) -> tuple[str, Claim]:
     """The file in a check's folder that holds a claim's numbers, and the claim with its path in that file."""
-    for name in (COMPARISON, STUDIES):
+    for name in (COMPARISON, ORDERS):
         if (folder / name).exists():
             return name, claim
     runs = sorted(_finished(folder), key=lambda run: run.stat().st_mtime_ns)
@@ -35,8 +35,8 @@ def _finished(folder: Path) -> list[Path]:
 
 def numbers_in(folder: Path, check: str) -> Iterator[Number]:
     """Observed orders, errors, rates, steps and times that the files in a check's folder hold."""
-    if (folder / STUDIES).exists():
-        yield from _of_studies(folder, check)
+    if (folder / ORDERS).exists():
+        yield from _of_orders(folder)
     if (folder / COMPARISON).exists():
         for triangle in read_triangles(folder / COMPARISON):
             if triangle.quantity == "growth_rate":
@@ -53,11 +53,12 @@ def numbers_in(folder: Path, check: str) -> Iterator[Number]:
         yield Number(f"step/{run.stem} · {check}", Kind.TIME, seconds / max(steps, 1), "s", run.name)
 
 
-def _of_studies(folder: Path, check: str) -> Iterator[Number]:
-    for result in read_convergence(folder / STUDIES).results:
-        source = f"{STUDIES}/studies/{result.key}"
-        known = np.flatnonzero(np.isfinite(result.errors))
-        if len(known):
-            yield Number(f"error/{result.key}", Kind.ERROR, float(result.errors[known[-1]]), "", source)
-        if result.observed.local:
-            yield Number(f"order/{result.key}", Kind.ORDER, float(result.observed.local[-1]), "", source)
+def _of_orders(folder: Path) -> Iterator[Number]:
+    with reading(folder / ORDERS, "report of a study") as file:
+        orders = read_table(file["tables/orders"], Order)
+        errors = read_table(file["tables/errors"], Error)
+    known = {one.key: one.error for one in errors if np.isfinite(one.error)}  # the last of each
+    for key, error in known.items():
+        yield Number(f"error/{key}", Kind.ERROR, error, "", f"{ORDERS}/tables/errors")
+    for one in orders:
+        yield Number(f"order/{one.key}", Kind.ORDER, one.last, "", f"{ORDERS}/tables/orders")

@@ -13,7 +13,7 @@ from actin_xcheck.nightly.history.database import read_claims, read_nights, read
 from actin_xcheck.nightly.nights import STOPPED
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.studies.compare import DEFAULT_SCENES
-from actin_xcheck.studies.converge.studies import Refined
+from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Check, Compared, Studied
 

@@ -21,6 +21,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
 from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.version import code
+from actin_xcheck.scene.scene import Scene
 
 FILE_NAME = "journal.sqlite"
 
@@ -85,11 +86,15 @@ def key_of(work: Callable[..., Any], asked: str) -> str:
 
 
 def stated(ask: Any) -> str:
-    """A question in JSON: plain values, dataclasses by class and fields, functions by their place."""
+    """A question in JSON: plain values, dataclasses by class and fields, scenes by their text, functions by
+    their place.
+    """
     return json.dumps(ask, default=_plain, sort_keys=True)
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Scene):
+        return value.text
     if is_dataclass(value) and not isinstance(value, type):
         return [type(value).__qualname__, {one.name: getattr(value, one.name) for one in fields(value)}]
     return f"{value.__module__}:{value.__qualname__}"

@@ -1,6 +1,7 @@
 """The page of a study, from its file alone: what it comes to, its claims, what it draws, its tables."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -10,9 +11,10 @@ import h5py
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.unnamed import Unnamed
-from actin_xcheck.report.draw import draw
+from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibit_file import read_chapters
+from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 
@@ -25,11 +27,12 @@ _LONG = 40
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table on a page: numbers stand to the right, commands are code, sentences get room."""
+    """A column of a table: numbers stand to the right, commands are code, files links, sentences get room."""
 
     title: str
     numeric: bool
     code: bool
+    file: bool
     long: bool
 
 
@@ -55,16 +58,6 @@ def write_page(path: Path) -> Path:
         claims = _claims(file["claims"])
         chapters = read_chapters(file["exhibits"])
         tables = [_shown(name, group) for name, group in file["tables"].items()]
-    drawn = [
-        (
-            one,
-            [
-                draw(each, f"/exhibits/{one.key}/{each.key}", f"c{i}-{j}")
-                for j, each in enumerate(one.exhibits)
-            ],
-        )
-        for i, one in enumerate(chapters)
-    ]
     title = said.pop("title")
     score = match.group() if (match := _SCORE.match(title)) else ""
     html = environment(path.parent).get_template("study.html")
@@ -77,11 +70,25 @@ def write_page(path: Path) -> Path:
         attributes=said,
         claims=claims,
         groups={scene: list(group) for scene, group in groupby(claims, lambda claim: claim.scene)},
-        chapters=drawn,
+        chapters=drawn(chapters),
         tables=tables,
         file=path,
     )
     return put_page(path.parent, text)
+
+
+def drawn(chapters: Iterable[Chapter]) -> list[tuple[Chapter, list[Drawing]]]:
+    """Chapters with their drawings, which say where in the file their numbers are."""
+    return [
+        (
+            one,
+            [
+                draw(each, f"/exhibits/{one.key}/{each.key}", f"c{i}-{j}")
+                for j, each in enumerate(one.exhibits)
+            ],
+        )
+        for i, one in enumerate(chapters)
+    ]
 
 
 def study_file(folder: Path) -> Path | None:
@@ -114,9 +121,9 @@ def _shown(name: str, group: h5py.Group) -> Shown:
         text = h5py.check_string_dtype(stored.dtype) is not None
         values = stored.asstr()[()] if text else stored[()].tolist()
         cells.append([_cell(value) for value in values])
-        code = field == "command"
-        long = text and not code and max(map(len, cells[-1]), default=0) > _LONG
-        columns.append(Column(field.replace("_", " "), not text, code, long))
+        code, file = field == "command", field in ("file", "finer_file")
+        long = text and not (code or file) and max(map(len, cells[-1]), default=0) > _LONG
+        columns.append(Column(field.replace("_", " "), not text, code, file, long))
     title, note = str(group.attrs["title"]), str(group.attrs["note"])
     return Shown(name, title, note, tuple(columns), tuple(zip(*cells, strict=True)))
 

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import h5py
+
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.exhibit_file import write_chapters
@@ -80,6 +82,8 @@ class Report:
     claims : what is judged.
     findings : sentences.
     chapters : what is drawn.
+    links : files of the study's folder, such as runs, by the place in its file where they are linked.
+    verdicts : how many of what it judges came out how, where its claims do not say that.
     """
 
     title: str
@@ -88,6 +92,8 @@ class Report:
     claims: tuple[Claim, ...] = ()
     findings: tuple[str, ...] = ()
     chapters: tuple[Chapter, ...] = ()
+    links: Mapping[str, str] = field(default_factory=dict)
+    verdicts: Mapping[str, int] = field(default_factory=dict)
 
 
 Study = Generator[Sequence[Task], list[Any], Report]
@@ -118,6 +124,13 @@ def carry_out(name: str, study: Study, folder: Path, command: str, processes: Ex
     return report
 
 
+def carry_out_here(name: str, study: Study, folder: Path, command: str) -> Report:
+    """Carry a study out in this process, where faults are seen, afresh, and write its report."""
+    report = answered(study, lambda tasks: [task.work(task.ask, folder) for task in tasks])
+    write_report(folder / f"{name}.h5", name, report, command)
+    return report
+
+
 def begin_anew(folder: Path) -> None:
     """Remove what says which study a folder is of, and its answers."""
     for file in (folder / FILE_NAME, *folder.glob("*.h5")):
@@ -139,7 +152,7 @@ def write_report(path: Path, name: str, report: Report, command: str) -> None:
     """Write a report, replacing `path` atomically.
 
     A column is `/tables/<name>/<field>`, a claim a row of the columns `/claims/<field>`, an exhibit
-    `/exhibits/<chapter>/<key>`.
+    `/exhibits/<chapter>/<key>`, a link to a file whatever the report says.
     """
     said = {"study": name, "command": command, "title": report.title, "lead": report.lead}
     with writing(path, {**said, "findings": report.findings, **provenance()}) as file:
@@ -150,6 +163,8 @@ def write_report(path: Path, name: str, report: Report, command: str) -> None:
             write_table(group, table.rows)
         write_table(file.create_group("claims", track_order=True), report.claims)
         write_chapters(file.create_group("exhibits", track_order=True), report.chapters)
+        for place, target in report.links.items():
+            file[place] = h5py.ExternalLink(target, "/")
 
 
 @dataclass(frozen=True)
@@ -165,6 +180,8 @@ def _answers(
     tasks: Sequence[Task], journal: Journal, folder: Path, processes: Executor, tell: Tell, label: str
 ) -> list[Any]:
     """The answers to a batch, each question asked once."""
+    if not tasks:
+        return []
     wanted = {key_of(task.work, stated(task.ask)): task for task in tasks}
     answers = {
         key: journal.answer(key, task.answer)
@@ -186,7 +203,8 @@ def _answers(
         elif task.lost:
             answers[key] = task.lost(task.ask, answer.message)
         else:
-            lost.append(f"{task.work.__name__} of {stated(task.ask)} ({answer.message})")
+            what = task.files[0] if task.files else stated(task.ask)
+            lost.append(f"{task.work.__name__} of {what} ({answer.message})")
         over += task.seconds
         tell(label, over, whole)
     if lost:

@@ -1,12 +1,16 @@
-"""The page of the audit, from `audit.h5` alone."""
+"""The page of the audit, from its file alone: row by row, to be seen by judgement."""
 
 from collections import Counter
 from pathlib import Path
 
-from actin_xcheck.report.draw import draw
+from actin_xcheck.report.draw import Drawing
 from actin_xcheck.report.environment import environment, put_page
-from actin_xcheck.studies.audit.record import FILE_NAME, read_audit
+from actin_xcheck.report.exhibit_file import read_chapters
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.audit.row import Judgement
+from actin_xcheck.studies.audit.study import Entry
+from actin_xcheck.studies.page import drawn
 
 _PARTS = {
     "eq": "Equations",
@@ -17,28 +21,28 @@ _PARTS = {
 """Beginnings of keys, and what a reader calls what they name; the last takes the rest."""
 
 
-def write_audit_page(folder: Path) -> Path:
-    """Write `folder/index.html` from `folder/audit.h5` and return its path.
+def write_audit_page(path: Path) -> Path:
+    """Write `index.html` beside the file of an audit and return its path.
 
     UserError where the file is missing or not whole.
     """
-    folder = Path(folder)
-    audit = read_audit(folder / FILE_NAME)
-    parts: dict[str, list[tuple[object, list[object]]]] = {title: [] for title in _PARTS.values()}
-    for i, entry in enumerate(audit.entries):
+    with reading(path, "audit") as file:
+        attributes = {
+            name: file.attrs[name] for name in file.attrs if name not in ("findings", "lead", "title")
+        }
+        entries = read_table(file["tables/rows"], Entry)
+        drawings = {chapter.key: shown for chapter, shown in drawn(read_chapters(file["exhibits"]))}
+    parts: dict[str, list[tuple[Entry, list[Drawing]]]] = {title: [] for title in _PARTS.values()}
+    for entry in entries:
         part = next(title for start, title in _PARTS.items() if entry.key.startswith(start))
-        drawings: list[object] = [
-            draw(exhibit, f"/rows/{entry.key}/exhibits/{exhibit.key}", f"r{i}-{j}")
-            for j, exhibit in enumerate(entry.finding.exhibits)
-        ]
-        parts[part].append((entry, drawings))
-    found = Counter(entry.finding.judgement for entry in audit.entries)
-    html = environment(folder).get_template("audit.html")
+        parts[part].append((entry, drawings.get(entry.key, [])))
+    found = Counter(entry.judgement for entry in entries)
+    html = environment(path.parent).get_template("audit.html")
     text = html.render(
-        attributes=audit.attributes,
+        attributes=attributes,
         parts={title: rows for title, rows in parts.items() if rows},
         counts=[(judgement, found[judgement]) for judgement in Judgement if found[judgement]],
-        total=len(audit.entries),
-        file=audit.path,
+        total=len(entries),
+        file=path,
     )
-    return put_page(folder, text)
+    return put_page(path.parent, text)

@@ -1,1 +1,1 @@
-"""Convergence studies: observed orders in h and dt, held against those the methods declare."""
+"""Observed orders in h and dt, held against those the methods declare."""

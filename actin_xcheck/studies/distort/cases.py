@@ -11,6 +11,7 @@ from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.scene.distortion import flattened, off_ring, perturbed, stretched, without_layers
 from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.stored import seconds_of
 
 
 @dataclass(frozen=True)
@@ -129,10 +130,7 @@ class Case:
     @property
     def seconds(self) -> float:
         """About what it takes."""
-        method = find_method(self.method)
-        stages = 1 + 2.5 * (method.order_dt - 1)
-        per_step = 4.0**self.refine * stages * method.space**2 * (1 if method.family == "fem" else 2)
-        return 2e-5 * self.steps * per_step
+        return seconds_of(find_method(self.method), self.refine, self.steps)
 
     def mesh(self, l0: float) -> Mesh:
         """Make its mesh."""

@@ -9,22 +9,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
-from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.runs.workers import Report
-from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.compare import compare, jobs_of
-from actin_xcheck.studies.converge.examine import examine
-from actin_xcheck.studies.converge.record import Result
-from actin_xcheck.studies.converge.studies import Refined, Study, studies_of
+from actin_xcheck.studies.converge.plan import Refined, refinements_of
+from actin_xcheck.studies.converge.study import converge
+from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole
-from actin_xcheck.verdicts.orders import TOLERANCE, Verdict
 
 QUIET: Report = lambda label, done, total: None  # noqa: E731
 
@@ -78,7 +75,7 @@ class Compared:
         """What is claimed of each run, of pairs of them, and of triangles with theory."""
         scene = load_scene(self.scene)
         methods = [find_method(name) for name in self.methods]
-        jobs = jobs_of([scene], methods, folder, self.refine, scene.time.end / self.steps, self.rtol)
+        jobs = jobs_of([scene], methods, self.refine, scene.time.end / self.steps, self.rtol)
         return compare(jobs, folder, again(self))
 
 
@@ -107,11 +104,11 @@ bound = {{ h2 = 14, dt = 7.2 }}
 
 @dataclass(frozen=True)
 class Studied:
-    """The first levels of `converge`'s own studies of a scene by a method.
+    """The first levels on which `converge` itself refines a scene by a method.
 
     Attributes
     ----------
-    scene, method, refined : which studies.
+    scene, method, refined : what is refined.
     levels : how many of their levels, coarsest first.
     quantities : of which an order shows on so few levels.
     """
@@ -134,42 +131,20 @@ class Studied:
 
     def claims(self, folder: Path) -> list[Claim]:
         """That the orders are those which are declared."""
-        place: str | Path = self.scene
-        if self.scene == FREE_CELL:
-            place = folder / f"{FREE_CELL}.toml"
-            place.write_text(FREE_CELL_TEXT, encoding="utf-8")
-        studies = [
-            replace(study, levels=study.levels[: self.levels])
-            for study in studies_of(place, [find_method(self.method)], folder)
-            if study.refined is self.refined and study.quantity in self.quantities
+        own = self.scene == FREE_CELL
+        scene = parse_scene(FREE_CELL_TEXT, f"{FREE_CELL}.toml") if own else load_scene(self.scene)
+        asked = [
+            replace(one, levels=one.levels[: self.levels])
+            for one in refinements_of(scene, [find_method(self.method)])
+            if one.refined is self.refined and one.quantity in self.quantities
         ]
-        results = examine(studies, folder, again(self), QUIET)
-        return [_order(*pair, again(self)) for pair in zip(studies, results, strict=True)]
+        report = carry_out_here("converge", converge(asked), folder, again(self))
+        return [replace(claim, command=again(self)) for claim in report.claims]
 
 
 def again(check: Check) -> str:
     """What makes a check again where no command has its levels or smaller models: a night of it alone."""
     return command("nightly", only=check.name)
-
-
-def _order(study: Study, result: Result, made: str) -> Claim:
-    """A study's verdict as a claim: how far the last two local orders are from the declared one."""
-    found = result.observed
-    judged = found.verdict in (Verdict.PASS, Verdict.FAIL)
-    off = result.declared - np.array(found.local[-2:])
-    declared = f"the order in {result.refined} of {result.quantity} is {result.declared:g}"
-    return Claim(
-        kind=ClaimKind.ORDER_H if study.refined is Refined.H else ClaimKind.ORDER_DT,
-        quantity=study.quantity,
-        scene=result.scene,
-        methods=(result.method,),
-        statement=f"{declared}: {found.reason}",
-        value=float((np.maximum(off, 0) if result.at_least else np.abs(off)).max()),
-        bound=TOLERANCE if judged else np.nan,
-        command=made,
-        path=f"/studies/{result.key}",
-        note=f"value: the larger distance of the last two local orders, against {result.truth}",
-    )
 
 
 @dataclass(frozen=True)

@@ -7,21 +7,20 @@ resolution, one that stays is its model.
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import tomli_w
 
-from actin_xcheck.core.files import replace_file
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.store import Run, read_run
-from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.audit.simulations.readouts import Readout
-from actin_xcheck.studies.compare import Job
+from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.growth import extrapolate
 
 Level = tuple[int, float]
@@ -64,20 +63,19 @@ class Study:
         """The name of the scene as it is run."""
         return f"{self.scene}-{self.label}"
 
-    def jobs(self, folder: Path) -> dict[Level, Job]:
-        """Return the study's runs; writes its scene to `folder/scenes`, where their commands find it."""
-        path = folder / "scenes" / f"{self.name}.toml"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, changed(load_scene(self.scene), self.name, self.changes).encode())
-        scene, method = load_scene(path), METHODS[self.method]
-        levels = dict.fromkeys((*self.levels, *((self.published,) if self.published else ())))
+    def jobs(self) -> dict[Level, Stored]:
+        """Return the study's runs."""
+        text = changed(load_scene(self.scene), self.name, self.changes)
+        scene, method = parse_scene(text, f"scenes/{self.name}.toml"), METHODS[self.method]
+        levels = (*self.levels, *((self.published,) if self.published else ()))
         return {
-            (refine, dt): Job(
+            (refine, dt): Stored(
                 scene,
                 method,
                 refine,
                 dt,
-                folder / "runs" / f"{self.name}--{self.method}--{refine}--{dt:.6g}.vtkhdf",
+                f"runs/{self.name}--{self.method}--{refine}--{dt:.6g}.vtkhdf",
+                scene_file=scene.origin,
             )
             for refine, dt in levels
         }
@@ -118,6 +116,11 @@ class Evidence:
 
     study: Study
     files: Mapping[Level, Path]
+
+    @classmethod
+    def of(cls, study: Study, folder: Path) -> Self:
+        """What a study has left in a folder."""
+        return cls(study, {level: folder / job.file for level, job in study.jobs().items()})
 
     @cached_property
     def runs(self) -> dict[Level, Run]:
@@ -174,14 +177,3 @@ def _extrapolated(values: Mapping[Level, float]) -> float:
     if len(values) < 2 or np.ptp(list(values.values())) == 0:
         return next(iter(values.values()))
     return float(extrapolate(2.0**-refine, dt, list(values.values())).limit.real)
-
-
-def plan(studies: Iterable[Study], folder: Path) -> tuple[list[Job], dict[Study, Evidence]]:
-    """Return every run the studies need, each once, and the evidence they will leave."""
-    jobs: dict[Path, Job] = {}
-    evidence = {}
-    for study in studies:
-        own = study.jobs(folder)
-        jobs |= {job.path: job for job in own.values()}
-        evidence[study] = Evidence(study, {level: job.path for level, job in own.items()})
-    return list(jobs.values()), evidence

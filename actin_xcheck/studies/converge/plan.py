@@ -1,4 +1,4 @@
-"""Studies: one scene by one method on successive levels, one quantity, one truth, one declared order.
+"""What is refined: one scene by one method on successive levels, one quantity, one truth, one declared order.
 
 With h goes dt ~ h^(order_h/order_dt), so that both parts of the error fall together; dt alone is refined on
 one mesh, against the next finer level (Richardson), which leaves the error in space out.  Levels are fixed
@@ -10,16 +10,14 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
 import tomli_w
 
-from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Delta
 from actin_xcheck.runs.method import Method
-from actin_xcheck.scene.scene import Scene, load_scene
-from actin_xcheck.studies.compare import Job
+from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.conditions import orders_lost_in_h, why_not
 from actin_xcheck.verdicts.quantities import Quantity
@@ -68,7 +66,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Study:
+class Refinement:
     """A sequence of levels and what is read off it.
 
     Attributes
@@ -91,7 +89,7 @@ class Study:
 
     @property
     def key(self) -> str:
-        """A name of its own in the file of a report."""
+        """A name of its own."""
         return f"{self.scene.name}--{self.method.name}--{self.refined}--{self.quantity}"
 
     @property
@@ -115,41 +113,44 @@ class Study:
         """(h, dt) of a level."""
         return 2.0**-level.refine, self.scene.time.end / level.steps
 
-    def job(self, level: Level, folder: Path) -> Job:
+    def run(self, level: Level) -> Stored:
         """The run of a level."""
-        name = f"{self.scene.name}--{self.method.name}--{level.refine}--{level.steps}.vtkhdf"
+        scene, method = self.scene, self.method
+        file = f"runs/{scene.name}--{method.name}--{level.refine}--{level.steps}.vtkhdf"
         _, dt = self.steps_of(level)
-        return Job(self.scene, self.method, level.refine, dt, folder / "runs" / name)
+        return Stored(scene, method, level.refine, dt, file, scene_file=scene.origin)
 
 
-def studies_of(name_or_path: str | Path, methods: Sequence[Method], folder: Path) -> list[Study]:
-    """Return the studies of a scene, which is written to `folder/scenes` as it is run.
+def refinements_of(origin: Scene, methods: Sequence[Method]) -> list[Refinement]:
+    """Return what is refined of a scene.
 
-    A method that declares order 0 in space is kept to show that it stalls: it is studied in h only, where the
+    A method that declares order 0 in space is kept to show that it stalls: it is refined in h only, where the
     exact solution is known.
     """
-    origin = load_scene(name_or_path)
-    scene = final(origin, folder)
-    studies = []
-    for method in methods:
-        if not (method.order_h or scene.expect.exact):
-            continue
-        for refined in Refined if method.order_h else (Refined.H,):
-            levels = _levels(scene, method, refined)
-            studies += [
-                Study(
-                    scene, origin.origin, method, refined, quantity, truth, levels,
-                    why_not(scene, method, quantity),
-                )
-                for quantity, truth in _measured(scene, refined)
-            ]  # fmt: skip
-    return studies
+    scene = final(origin)
+    return [
+        Refinement(
+            scene=scene,
+            origin=origin.origin,
+            method=method,
+            refined=refined,
+            quantity=quantity,
+            truth=truth,
+            levels=_levels(scene, method, refined),
+            no_claim=why_not(scene, method, quantity),
+        )
+        for method in methods
+        if method.order_h or scene.expect.exact
+        for refined in (Refined if method.order_h else (Refined.H,))
+        for quantity, truth in _measured(scene, refined)
+    ]
 
 
-def final(scene: Scene, folder: Path) -> Scene:
+def final(scene: Scene) -> Scene:
     """Return the scene without intermediate output times, so that all steps are equal.
 
-    Only reference values at the last of their times are kept; where the scene goes on beyond, it ends there.
+    Its origin is where a study puts it, in its folder.  Only reference values at the last of their times are
+    kept; where the scene goes on beyond, it ends there.
     Where delta does not jump at the ring, l0 is nothing but a line of nodes: on 1/2 every mesh has it without
     being bent, and is the next coarser one refined.  With another l0 local orders scatter by 0.2.
     """
@@ -168,10 +169,7 @@ def final(scene: Scene, folder: Path) -> Scene:
         if scene.expect.growth_rate is None:
             table["time"]["end"] = last["time"]
     table["time"].pop("outputs", None)
-    path = folder / "scenes" / f"{scene.name}.toml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, tomli_w.dumps(table).encode())
-    return load_scene(path)
+    return parse_scene(tomli_w.dumps(table), f"scenes/{scene.name}.toml")
 
 
 def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, Truth]]:

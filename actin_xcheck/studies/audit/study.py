@@ -1,0 +1,98 @@
+"""The audit: what the rows need is run, then every row is examined."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from actin_xcheck.report.exhibits import Chapter, Exhibit
+from actin_xcheck.runs.commands import command
+from actin_xcheck.studies.audit.row import Judgement
+from actin_xcheck.studies.audit.rows import ROWS
+from actin_xcheck.studies.audit.simulations.studies import Evidence
+from actin_xcheck.studies.study import Report, Study, Table, Task
+
+SIMULATED, DERIVED = 5.0, 1.0
+"""Seconds in which a row with and one without simulations is examined, about."""
+
+SHOWN = ("key", "place", "judgement", "statement", "computed", "reason", "command")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A row as it was found.
+
+    Attributes
+    ----------
+    key, place, statement : of the row.
+    judgement, computed, reason, numbers : see `Finding`.
+    command : what examines the row again.
+    runs : files of the runs it rests on, relative to the audit's folder.
+    """
+
+    key: str
+    place: str
+    statement: str
+    judgement: Judgement
+    computed: str
+    reason: str
+    command: str
+    numbers: tuple[tuple[str, float], ...]
+    runs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Examined:
+    """An entry and what is shown below it."""
+
+    entry: Entry
+    exhibits: tuple[Exhibit, ...]
+
+
+def paper(keys: Sequence[str], said: bool = False) -> Study:
+    """Examine the rows of these keys, in their order; `said` makes a finding of what each comes to."""
+    rows = [ROWS[key] for key in keys]
+    studies = dict.fromkeys(study for row in rows for study in row.studies)
+    runs = {job.file: job for study in studies for job in study.jobs().values()}
+    yield [job.task for job in runs.values()]
+    seconds = [SIMULATED if row.studies else DERIVED for row in rows]
+    found: list[Examined] = yield [Task(examine, *one) for one in zip(keys, seconds, strict=True)]
+    entries = [one.entry for one in found]
+    counts = Counter(entry.judgement for entry in entries)
+    verdicts = {str(judgement): counts[judgement] for judgement in Judgement if counts[judgement]}
+    return Report(
+        ", ".join(f"{count} {judgement}" for judgement, count in verdicts.items()),
+        "Every equation, table, figure and number of the article, held against what is computed here.",
+        {"rows": Table("Rows", entries, shown=SHOWN)},
+        findings=tuple(map(_told, entries)) if said else (),
+        chapters=tuple(
+            Chapter(one.entry.key, one.entry.place, one.entry.statement, one.exhibits)
+            for one in found
+            if one.exhibits
+        ),
+        links={f"runs/{file.rpartition('/')[2]}": file for file in runs},
+        verdicts=verdicts,
+    )
+
+
+def examine(key: str, folder: Path) -> Examined:
+    """Examine one row, whose runs lie in the folder."""
+    row = ROWS[key]
+    evidence = [Evidence.of(study, folder) for study in row.studies]
+    finding = row.examine(*evidence)
+    entry = Entry(
+        key=key,
+        place=row.place,
+        statement=row.statement,
+        judgement=finding.judgement,
+        computed=finding.computed,
+        reason=finding.reason,
+        command=command("paper", only=key),
+        numbers=tuple((name, float(number)) for name, number in finding.numbers.items()),
+        runs=tuple(file.relative_to(folder).as_posix() for one in evidence for file in one.files.values()),
+    )
+    return Examined(entry, finding.exhibits)
+
+
+def _told(entry: Entry) -> str:
+    return f"{entry.key} ({entry.place}): {entry.judgement}\n  {entry.computed}\n  {entry.reason}"

@@ -1,0 +1,87 @@
+"""Runs that a study rests on: each a task that leaves its film and series in the study's folder."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from actin_xcheck.core.files import replace_file
+from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.march import step_count
+from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.recorder import Progress
+from actin_xcheck.runs.run import run
+from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.folder import make_folder
+from actin_xcheck.studies.study import Task
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A run to be stored.
+
+    Attributes
+    ----------
+    scene, method, refine, dt, rtol : what is run, see `runs.run.run`.
+    file : where it goes, in the study's folder.
+    scene_file : where its scene is written for the run's command, in the study's folder; empty for a scene
+        that is run as the user names it.
+    """
+
+    scene: Scene
+    method: Method
+    refine: int
+    dt: float
+    file: str
+    rtol: float | None = None
+    scene_file: str = ""
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes."""
+        return seconds_of(self.method, self.refine, step_count(self.dt, self.scene.output_times))
+
+    @property
+    def task(self) -> Task:
+        """What makes it."""
+        return Task(run_stored, self, self.seconds, tuple(filter(None, (self.file, self.scene_file))))
+
+
+def seconds_of(method: Method, refine: int, steps: int) -> float:
+    """About what so many steps take on one core: finite volumes twice as long as finite elements."""
+    stages = 1 + 2.5 * (method.order_dt - 1)
+    per_step = 4.0**refine * stages * method.space**2 * (1 if method.family == "fem" else 2)
+    return 2e-5 * steps * per_step
+
+
+@dataclass(frozen=True)
+class Ran:
+    """How a stored run ended, and what it took in seconds."""
+
+    outcome: str
+    message: str
+    seconds: float
+
+
+def run_stored(job: Stored, folder: Path, progress: Progress = lambda done, total: None) -> Ran:
+    """Run, and store everything about it; `progress` is told of every step."""
+    path, origin = folder / job.file, job.scene.origin
+    make_folder(path.parent)
+    if job.scene_file:
+        scene_path = folder / job.scene_file
+        make_folder(scene_path.parent)
+        replace_file(scene_path, job.scene.text.encode())
+        origin = str(scene_path)
+    made = command(
+        "run",
+        origin,
+        method=job.method.name,
+        refine=job.refine,
+        dt=job.dt,
+        rtol=job.rtol,
+        fidelity=Fidelity.FULL,
+        out=path.name,
+    )
+    began = time.perf_counter()
+    outcome = run(job.scene, job.method, job.refine, job.dt, path, made, progress, rtol=job.rtol)
+    return Ran(str(outcome.ending), outcome.message, time.perf_counter() - began)
