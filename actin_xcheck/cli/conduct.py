@@ -28,8 +28,11 @@ Scheduler = Annotated[
 Open = Annotated[bool, typer.Option("--open", help="Open the page in a browser.")]
 
 
-def study_command(name: str) -> Callable[[Callable[..., "Study"]], Callable[..., None]]:
-    """Make a command of a function that returns a study: its own parameters, then those of all studies."""
+def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"]], Callable[..., None]]:
+    """Make a command of a function that returns a study: its own parameters, then those of all studies.
+
+    `words` are what the user types where that is not the study's name.
+    """
 
     def decorate(asked_for: Callable[..., "Study"]) -> Callable[..., None]:
         def commanded(
@@ -51,7 +54,7 @@ def study_command(name: str) -> Callable[[Callable[..., "Study"]], Callable[...,
                 import webbrowser
 
                 webbrowser.open(page.resolve().as_uri())
-            _say(name, report, page, json)
+            _say(words or name, report, page, json)
 
         own, common = inspect.signature(asked_for).parameters, inspect.signature(commanded).parameters
         shared = [one for one in common.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
@@ -98,13 +101,16 @@ def page_of(file: Path) -> Path:
     return {"paper.h5": write_audit_page}.get(file.name, write_page)(file)
 
 
-def _say(name: str, report: "Report", page: Path, json: bool) -> None:
+def _say(words: str, report: "Report", page: Path, json: bool) -> None:
     """Say what a study came to; exit code 1 where a claim fails."""
     from actin_xcheck.cli.output import ReportAnswer, conclude
 
     failed = [claim for claim in report.claims if claim.judged and not claim.holds]
     said = [f"FAIL {claim.sentence}" for claim in failed]
     verdicts = dict(report.verdicts or Counter(claim.verdict for claim in report.claims))
-    answer = ReportAnswer(command=name, page=str(page), verdicts=verdicts, findings=(*said, *report.findings))
+    findings = (*said, *report.findings)
+    answer = ReportAnswer.model_validate(
+        {"command": words, "page": str(page), "verdicts": verdicts, "findings": findings}
+    )
     conclude(answer, report.title, json)
     raise typer.Exit(1 if failed else 0)

@@ -54,7 +54,10 @@ class RunAnswer(Answer):
 class ReportAnswer(Answer):
     """Commands that write a report."""
 
-    command: str
+    command: Literal[
+        "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
+        "predict report", "report",
+    ]  # fmt: skip
     page: str
     verdicts: dict[str, int] = {}
     """How many of what was judged came out how; empty where nothing is judged."""

@@ -115,7 +115,7 @@ def threshold_command(
 
 
 @app.command("report")
-@study_command("predict")
+@study_command("predict", "predict report")
 def report() -> "Study":
     """Curves, modes, maps, thresholds and errata, as predict.h5 and a page; takes a few minutes."""
     from actin_xcheck.studies.theory.study import atlas
