@@ -217,6 +217,13 @@ def test_every_command_is_on_a_page_and_every_answer_has_a_schema():
             assert name in said or f"`{name}`" in by_hand, name
 
 
+def test_the_walk_through_the_house_names_files_that_are_there():
+    named = re.findall(r"`((?:\w+/)+(?:\w+\.py)?)`", page("architecture"))
+    assert len(named) > 25
+    places = (ROOT, ROOT / "actin_xcheck")
+    assert [name for name in named if not any((place / name).exists() for place in places)] == []
+
+
 # as built
 
 
