@@ -167,8 +167,8 @@ def test_the_file_keeps_every_row_and_the_page_shows_it(tmp_path, monkeypatch):
 
 def test_a_row_rests_on_runs_that_are_made_once(tmp_path, monkeypatch, cell):
     study = cell[1][0].study
-    monkeypatch.setitem(ROWS, "fig14", Row("fig14", lambda one: FOUND, (study,)))
-    monkeypatch.setitem(ROWS, "fig16", Row("fig16", lambda one, other: FOUND, (study, study)))
+    monkeypatch.setitem(ROWS, "fig14", Row("fig14", lambda one: FOUND, lambda: (study,)))
+    monkeypatch.setitem(ROWS, "fig16", Row("fig16", lambda one, other: FOUND, lambda: (study, study)))
     carry(tmp_path, paper(["fig14", "fig16"]), name="paper")
     files = sorted(path.relative_to(tmp_path).as_posix() for path in (tmp_path / "runs").iterdir())
     assert len(files) == len(study.levels)

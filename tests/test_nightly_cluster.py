@@ -57,7 +57,7 @@ def test_a_workers_check_has_a_process_of_its_own(tmp_path: Path, monkeypatch: p
     assert done.seconds > 0
     done = carry_out_elsewhere(asked(tmp_path, how="dies"))
     assert isinstance(done, Done)
-    assert done.trouble == "broke down: a run's process ended with exit code 7"
+    assert done.trouble == "broke down: its process ended with exit code 7"
     with pytest.raises(UserError, match="another version of the code"):
         carry_out_elsewhere(asked(tmp_path, code="other"))
     task = asked(tmp_path)
