@@ -85,7 +85,8 @@ def _answers() -> str:
     for schema in schemas().values():
         parts.append(f"## {schema['description']}\n\n{_keys(schema)}")
         for part in schema.get("$defs", {}).values():
-            parts.append(f"`{part['title']}`: {part['description']}\n\n{_keys(part)}")
+            holds = _keys(part) if "properties" in part else _type(part)
+            parts.append(f"`{part['title']}`: {part['description']}\n\n{holds}")
     return "\n\n".join(parts)
 
 

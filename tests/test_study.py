@@ -20,8 +20,8 @@ from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
-from actin_xcheck.studies.page import study_file, write_page
-from actin_xcheck.studies.study import Report, Table, Task, answered, counted
+from actin_xcheck.studies.page import write_page
+from actin_xcheck.studies.study import Report, Table, Task, answered, counted, study_file
 from tests.claims import claim
 from tests.processes import cluster
 from tests.studies import InTurn, carry
@@ -106,16 +106,26 @@ def test_answers_of_other_code_are_not_taken_up(tmp_path, monkeypatch):
     assert made(tmp_path) == [1, 101, 1, 101]
 
 
-def test_an_answer_without_the_file_that_it_left_is_asked_for_again(tmp_path):
+def leave(number: int, folder: Path) -> Square:
+    (folder / "left.txt").write_text(str(number))
+    return square(number, folder)
+
+
+@pytest.mark.parametrize(
+    "meddle", [Path.unlink, lambda file: file.write_text("8")], ids=["gone", "another's"]
+)
+def test_an_answer_whose_file_is_not_as_it_left_it_is_asked_for_again(tmp_path, meddle):
     def study():
-        yield [Task(square, 7, files=("made.txt", "gone.txt"))]
+        yield [Task(leave, 7, files=("left.txt",))]
         return Report("", "")
 
     carry(tmp_path, study())
     carry(tmp_path, study())
-    (tmp_path / "gone.txt").touch()
+    assert made(tmp_path) == [7]
+    meddle(tmp_path / "left.txt")
     carry(tmp_path, study())
     assert made(tmp_path) == [7, 7]
+    assert (tmp_path / "left.txt").read_text() == "7"
 
 
 def test_the_folder_of_another_study_is_refused_and_left_as_it_is(tmp_path):
@@ -126,7 +136,7 @@ def test_the_folder_of_another_study_is_refused_and_left_as_it_is(tmp_path):
 
 
 def test_a_lost_task_is_named_and_the_others_are_kept(tmp_path):
-    with pytest.raises(UserError, match=r"squares: 1 lost; .*: square of 2 \(killed\)"):
+    with pytest.raises(UserError, match=r"squares: 1 lost, square of 2 \(killed\); valid: the same command"):
         carry(tmp_path, squares([1, 2, 3]), InTurn(lost=[2]))
     carry(tmp_path, squares([1, 2, 3]))
     assert made(tmp_path)[:3] == [3, 1, 2]

@@ -80,7 +80,7 @@ def report_command(folder: Path, json: Json = False) -> None:
     import numpy as np
 
     from actin_xcheck.cli.output import ReportAnswer, conclude
-    from actin_xcheck.studies.page import study_file
+    from actin_xcheck.studies.study import study_file
 
     file, pages = study_file(folder), _pages()
     found = [page for name, page in pages.items() if (folder / name).exists()]

@@ -45,9 +45,11 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             json: Json = False,
             **asked: Any,
         ) -> None:
+            from actin_xcheck.runs.executor import jobs_asked
             from actin_xcheck.studies.folder import report_folder
 
             study = asked_for(**asked)  # a mistake makes no folder
+            jobs_asked(jobs, scheduler)
             folder = report_folder(out_dir, name)
             report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
             if open_page:
@@ -85,10 +87,10 @@ def carry_out(
 
     processes_wanted = jobs_asked(jobs, scheduler)
     file = make_folder(folder) / f"{name}.h5"
-    with locked(file), Progress(quiet) as progress:
-        if force:
-            studies.begin_anew(folder)
+    with locked(folder / studies.FILE_NAME), Progress(quiet) as progress:
         with executor(processes_wanted, scheduler) as processes:
+            if force:
+                studies.begin_anew(folder)
             report = studies.carry_out(name, study, folder, command(), processes, progress.report)
         return report, page_of(file)
 

@@ -51,7 +51,8 @@ class Progress:
     def report(self, label: str, done: float, total: float) -> None:
         """Parts done of parts in all for the work called `label`."""
         now = time.monotonic()
-        self.began.setdefault(label, (now, done))
+        if done <= self.began.get(label, (now, done))[1]:  # it begins, or a batch after another does
+            self.began[label] = now, done
         if self.bars.disable:
             self._line(label, done, total, now)
             return

@@ -221,14 +221,19 @@ class Processes:
 
     def _begin(self, work: Callable[..., Any], task: object) -> "_Process":
         """Hand a task to a process that is idle, or to a new one."""
-        while True:
-            process = self._idle.pop() if self._idle else _Process(self._context)
+        given = work, task, self._report is not None
+        while self._idle:
+            process = self._idle.pop()
             try:
-                process.pipe.send((work, task, self._report is not None))
+                process.pipe.send(given)
             except OSError:  # it ended while it had nothing to do
                 process.end()
                 continue
             return process
+        process = _Process(self._context)
+        with suppress(OSError):  # one that ends at once is heard of as others are
+            process.pipe.send(given)
+        return process
 
 
 def _times(attempts: int) -> str:

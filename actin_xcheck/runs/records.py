@@ -9,6 +9,8 @@ group with a dataset a column.
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -89,7 +91,9 @@ def _put(group: h5py.Group, name: str, hint: Any, value: Any) -> None:
     """Write one field of the type `hint`."""
     if type(None) in get_args(hint):  # X | None
         if value is not None:
-            _put(group, name, get_args(hint)[0], value)
+            _put(group, name, _without_none(hint), value)
+    elif get_origin(hint) is UnionType and all(map(is_dataclass, get_args(hint))):
+        write_record(group.create_group(name), value)
     elif _is_plain(hint):
         group.attrs.create(name, *((str(value),) if _is_text(hint) else (value,)), **_text_if(_is_text(hint)))
     elif is_dataclass(hint):
@@ -126,9 +130,11 @@ def _put_tuple(group: h5py.Group, name: str, item: Any, value: Any) -> None:
 def _get(group: h5py.Group, name: str, hint: Any) -> Any:
     """Read one field of the type `hint`."""
     if type(None) in get_args(hint):
-        hint = get_args(hint)[0]
+        hint = _without_none(hint)
         if name not in group and name not in group.attrs:
             return None
+    if get_origin(hint) is UnionType and all(map(is_dataclass, get_args(hint))):
+        return read_record(group[name], hint)
     if _is_plain(hint):
         return hint(group.attrs[name])
     if is_dataclass(hint):
@@ -145,12 +151,18 @@ def _get_tuple(stored: Any, item: Any) -> tuple[Any, ...]:
     if item in (int, float, bool):
         return tuple(stored[()].tolist())
     if get_origin(item) is not tuple:
-        return tuple(read_record(stored[key], item) for key in sorted(stored))
+        return tuple(read_record(stored[key], item) for key in sorted(stored, key=int))
     if Ellipsis in get_args(item):
         rows = stored.asstr()[()] if get_args(item)[0] is str else stored[()].tolist()
         return tuple(map(tuple, rows))
     named = zip(stored["names"].asstr()[()], stored["numbers"][()].tolist(), strict=True)
     return tuple((label, *numbers) for label, numbers in named)
+
+
+def _without_none(hint: Any) -> Any:
+    """X of X | None."""
+    rest = [one for one in get_args(hint) if one is not type(None)]
+    return reduce(or_, rest)
 
 
 def _put_text(group: h5py.Group, name: str, text: Any) -> None:

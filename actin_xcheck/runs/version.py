@@ -28,7 +28,8 @@ def code() -> str:
     for package in ("actin_xcheck", "fem", "fv"):
         spec = find_spec(package)
         for root in sorted(spec.submodule_search_locations or ()) if spec else ():
-            for source in sorted(Path(root).rglob("*.py")):
+            sources = (path for pattern in ("*.py", "*.toml") for path in Path(root).rglob(pattern))
+            for source in sorted(sources):  # shipped scenes are asked for by name
                 digest.update(source.relative_to(root).as_posix().encode())
                 digest.update(source.read_bytes())
     return digest.hexdigest()

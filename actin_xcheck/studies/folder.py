@@ -32,6 +32,8 @@ def report_in(folder: Path, file_name: str, what: str, force: bool) -> Iterator[
     """
     file = make_folder(folder) / file_name
     with locked(file):
+        if (folder / "journal.sqlite").exists():
+            raise UserError(f"--out: {folder} is the folder of a study; valid: another one")
         if file.exists() and not force:
             raise UserError(f"--out: {folder} holds {what} already; valid: another folder, or --force")
         for stale in (file_name, "index.html"):

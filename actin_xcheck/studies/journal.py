@@ -8,7 +8,7 @@ come in.
 import hashlib
 import json
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from io import BytesIO
@@ -42,23 +42,45 @@ class Journal:
         if others and not self.path.exists():
             raise UserError(f"--out: {folder} holds {others[0]} already; valid: another folder, or --force")
         with self._open() as rows:
+            rows.execute("BEGIN IMMEDIATE")
             rows.execute("CREATE TABLE IF NOT EXISTS study (name TEXT)")
             rows.execute("CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, asked TEXT, image BLOB)")
+            rows.execute(
+                "CREATE TABLE IF NOT EXISTS files (key TEXT, file TEXT, digest TEXT, PRIMARY KEY (key, file))"
+            )
             found = rows.execute("SELECT name FROM study").fetchone()
             if found is None:
                 rows.execute("INSERT INTO study VALUES (?)", (study,))
-            elif found[0] != study:
+            rows.execute("COMMIT")
+            if found is not None and found[0] != study:
                 raise UserError(
                     f"--out: {folder} is the folder of `{found[0]}`; valid: another one, or --force"
                 )
 
-    def keep(self, key: str, asked: str, answer: Any) -> None:
-        """Write an answer down."""
+    def keep(self, key: str, asked: str, answer: Any, files: Sequence[str] = ()) -> None:
+        """Write an answer down, and what the files are that belong to it."""
         image = BytesIO()
         with h5py.File(image, "w") as file:
             write_record(file, answer)
+        left = [(key, file, digest) for file in files if (digest := self._digest(file))]
         with self._open() as rows:
+            rows.execute("BEGIN IMMEDIATE")
             rows.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", (key, asked, image.getvalue()))
+            rows.executemany("INSERT OR REPLACE INTO files VALUES (?, ?, ?)", left)
+            rows.execute("COMMIT")
+
+    def whole(self, key: str, files: Sequence[str]) -> bool:
+        """Whether files are as the answer under a key left them: another question may have the same names."""
+        with self._open() as rows:
+            left = dict(rows.execute("SELECT file, digest FROM files WHERE key = ?", (key,)).fetchall())
+        return all(file in left and left[file] == self._digest(file) for file in files)
+
+    def _digest(self, file: str) -> str | None:
+        try:
+            with open(self.path.parent / file, "rb") as stream:
+                return hashlib.file_digest(stream, "sha256").hexdigest()
+        except FileNotFoundError:
+            return None
 
     def answer(self, key: str, kind: type) -> Any | None:
         """Return the answer of class `kind` under a key; None where there is none."""

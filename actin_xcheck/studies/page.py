@@ -91,19 +91,6 @@ def drawn(chapters: Iterable[Chapter]) -> list[tuple[Chapter, list[Drawing]]]:
     ]
 
 
-def study_file(folder: Path) -> Path | None:
-    """The file of a study in a folder, or one that cannot be opened and may be it; None without either."""
-    broken = None
-    for path in sorted(path for path in Path(folder).glob("*.h5") if path.is_file()):
-        try:
-            with h5py.File(path) as file:
-                if "study" in file.attrs:
-                    return path
-        except Exception:  # the library has its own for every way in which a file can be damaged
-            broken = path
-    return broken
-
-
 def _claims(group: h5py.Group) -> list[Claim]:
     """The claims of a report, whether or not it was written before they had kinds."""
     if "kind" in group or not len(group):

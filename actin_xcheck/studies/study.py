@@ -23,7 +23,7 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
-from actin_xcheck.runs.executor import Executor, Lost
+from actin_xcheck.runs.executor import Executor, Lost, portable
 from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
@@ -132,9 +132,23 @@ def carry_out_here(name: str, study: Study, folder: Path, command: str) -> Repor
 
 
 def begin_anew(folder: Path) -> None:
-    """Remove what says which study a folder is of, and its answers."""
-    for file in (folder / FILE_NAME, *folder.glob("*.h5")):
-        file.unlink(missing_ok=True)
+    """Remove the answers that a folder has, and the report of its study; what else lies there stays."""
+    (folder / FILE_NAME).unlink(missing_ok=True)
+    if report := study_file(folder):
+        report.unlink()
+
+
+def study_file(folder: Path) -> Path | None:
+    """The file of a study in a folder, or one that cannot be opened and may be it; None without either."""
+    broken = None
+    for path in sorted(path for path in Path(folder).glob("*.h5") if path.is_file()):
+        try:
+            with h5py.File(path) as file:
+                if "study" in file.attrs:
+                    return path
+        except Exception:  # the library has its own for every way in which a file can be damaged
+            broken = path
+    return broken
 
 
 def answered(study: Study, answers_to: Callable[[Sequence[Task]], list[Any]]) -> Report:
@@ -186,19 +200,22 @@ def _answers(
     answers = {
         key: journal.answer(key, task.answer)
         for key, task in wanted.items()
-        if all((folder / file).exists() for file in task.files)
+        if journal.whole(key, task.files)
     }
     answers = {key: answer for key, answer in answers.items() if answer is not None}
     open_ones = sorted((key for key in wanted if key not in answers), key=lambda key: -wanted[key].seconds)
-    whole, over, lost = sum(task.seconds for task in wanted.values()), 0.0, []
-    over = sum(wanted[key].seconds for key in answers)
+    lost: list[str] = []
+    raised: list[Exception] = []
+    whole, over = sum(task.seconds for task in wanted.values()), sum(wanted[key].seconds for key in answers)
     tell(label, over, whole)
-    asked = [_Asked(wanted[key], folder, code()) for key in open_ones]
+    asked = [_Asked(wanted[key], folder.resolve(), code()) for key in open_ones]
     for number, answer in processes.results(_work, asked):
         key = open_ones[number]
         task = wanted[key]
-        if not isinstance(answer, Lost):
-            journal.keep(key, stated(task.ask), answer)
+        if isinstance(answer, _Raised):
+            raised.append(answer.error)
+        elif not isinstance(answer, Lost):
+            journal.keep(key, stated(task.ask), answer, task.files)
             answers[key] = answer
         elif task.lost:
             answers[key] = task.lost(task.ask, answer.message)
@@ -207,13 +224,26 @@ def _answers(
             lost.append(f"{task.work.__name__} of {what} ({answer.message})")
         over += task.seconds
         tell(label, over, whole)
+    if raised:
+        raise raised[0]
     if lost:
-        raise UserError(f"{label}: {len(lost)} lost; the same command goes on with them: {'; '.join(lost)}")
+        said = f"{label}: {len(lost)} lost, {'; '.join(lost)}"
+        raise UserError(f"{said}; valid: the same command again, with --out {folder}")
     return [answers[key_of(task.work, stated(task.ask))] for task in tasks]
+
+
+@dataclass(frozen=True)
+class _Raised:
+    """In place of an answer: what was raised, so that others are waited for and kept."""
+
+    error: Exception
 
 
 def _work(asked: _Asked) -> Any:
     """In a process: UserError where its code is not that of the one that asks."""
     check_code(asked.code)
     with ONE_AT_A_TIME:
-        return asked.task.work(asked.task.ask, asked.folder)
+        try:
+            return asked.task.work(asked.task.ask, asked.folder)
+        except Exception as error:
+            return _Raised(portable(error))

@@ -117,9 +117,12 @@ def _flux_of_change(scene: Scene) -> float:
         return xi if motion is None else motion(xi, t)
 
     def change(xi: Array, t: float) -> Array:
-        times = max(t - _EPS, 0.0), min(t + _EPS, scene.time.end)  # formulas need have no value beyond
-        before, after = (in_scene_frame(scene, formula, place(xi, s), xi, s) for s in times)
-        return np.asarray((after - before) / (times[1] - times[0])) * np.ones(xi.shape[1])
+        start = min(max(t - _EPS, 0.0), scene.time.end - 2 * _EPS)  # formulas need have no value beyond
+        where = (t - start) / _EPS  # of the three times: 0, 1 or 2
+        weights = where - 1.5, 2.0 - 2.0 * where, where - 0.5  # the slope of the parabola through them
+        values = (in_scene_frame(scene, formula, place(xi, s), xi, s) for s in start + _EPS * np.arange(3))
+        rate = sum(weight * value for weight, value in zip(weights, values, strict=True)) / _EPS
+        return np.asarray(rate) * np.ones(xi.shape[1])
 
     largest = 0.0
     for t in np.linspace(0.0, scene.time.end, 3):

@@ -50,6 +50,37 @@ def plan(methods: Sequence[str]) -> list[Ripples | Course]:
     ]
 
 
+@dataclass(frozen=True)
+class Ripple:
+    """How one ripple of wave number m grew: its amplitude goes like R^gamma, measured and by theory."""
+
+    method: str
+    closure: Closure
+    advancing: bool
+    refine: int
+    nodes: int
+    m: int
+    measured: float
+    predicted: float
+
+
+def _ripples(spectra: Sequence[Spectrum]) -> list[Ripple]:
+    return [
+        Ripple(
+            method=one.asked.method,
+            closure=one.asked.closure,
+            advancing=one.asked.advancing,
+            refine=one.asked.refine,
+            nodes=one.nodes,
+            m=int(m),
+            measured=float(measured),
+            predicted=float(predicted),
+        )
+        for one in spectra
+        for m, measured, predicted in zip(one.modes, one.measured, one.predicted, strict=True)
+    ]
+
+
 @dataclass(frozen=True, eq=False)
 class Followed:
     """A run under one reading: what was run, how it ended, and its rim (n, 2, nodes) at `times` (n,).
@@ -89,7 +120,9 @@ def closures(asked: Sequence[Ripples | Course]) -> Study:
         "Closures of the moving rim",
         _lead(),
         {
-            "ripples": Table("Ripples", spectra, "Wave numbers, measured and predicted growth of each."),
+            "ripples": Table(
+                "Ripples", _ripples(spectra), "The amplitude goes like the radius to this power."
+            ),
             "runs": Table("Runs", _rows(found), "Commands are for this page's folder.", SHOWN),
         },
         findings=(reason(rims), *on_growth(spectra), *on_refinement(rims)),

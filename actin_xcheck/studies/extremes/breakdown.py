@@ -37,7 +37,8 @@ class Breakdown:
 
 def breakdowns(attempts: Sequence[Attempt]) -> list[Breakdown]:
     """The breakdown times of all ladders whose runs end so, each on two meshes at least."""
-    ended = [one for one in attempts if np.isfinite(one.breakdown)]
+    plain = [one for one in attempts if not one.remesh and not one.epsilon]
+    ended = [one for one in plain if np.isfinite(one.breakdown)]
     ended.sort(key=lambda one: (one.scene, one.method, one.refine, one.rtol))
     found = []
     for (scene, method), group in groupby(ended, lambda one: (one.scene, one.method)):
@@ -76,13 +77,14 @@ def _breakdown(scene: str, method: str, levels: Sequence[Attempt], coarser: Sequ
 
 
 def agreement(found: Sequence[Breakdown]) -> dict[str, tuple[float, float]]:
-    """Per scene the largest relative difference between two methods and the sum of their uncertainties."""
+    """Per scene the relative difference of two methods that exceeds the sum of their uncertainties most."""
     worst: dict[str, tuple[float, float]] = {}
     for one, other in combinations(found, 2):
         if one.scene != other.scene:
             continue
         apart = abs(one.value - other.value) / other.value
         allowed = (one.uncertainty + other.uncertainty) / other.value
-        if apart >= worst.get(one.scene, (-1.0, 0.0))[0]:
+        before, permitted = worst.get(one.scene, (-1.0, 1.0))
+        if apart * permitted >= before * allowed:
             worst[one.scene] = apart, allowed
     return worst

@@ -9,7 +9,7 @@ from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.commands import command
 from actin_xcheck.studies.extremes.attempt import Attempt, attempt
 from actin_xcheck.studies.extremes.breakdown import Breakdown, agreement, breakdowns
-from actin_xcheck.studies.extremes.plan import Trial
+from actin_xcheck.studies.extremes.plan import BREAKDOWNS, Trial
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 
 PARTED = 1e-3
@@ -35,7 +35,7 @@ def extremes(trials: Sequence[Trial]) -> Study:
         f"{scene}: methods differ by {apart:.1e}, their uncertainties allow {allowed:.1e}"
         for scene, (apart, allowed) in agreed.items()
     ]
-    claims = [_claim(found, scene, *pair) for scene, pair in agreed.items()]
+    claims = [_claim(found, scene, *agreed.get(scene, (np.nan, 0.0))) for scene in _judged(attempts, found)]
     note = "The root of the smallest 1 + div u, on the finest mesh; where it happens stands in the file."
     return Report(
         counted(claims, "breakdown times agree between methods"),
@@ -63,6 +63,17 @@ def _lead(attempts: Sequence[Attempt]) -> str:
         "about to fold, and with remeshing the run goes on on a new triangulation of the reference disk. "
         "Prediction ends where a run and its twin part."
     )
+
+
+def _judged(attempts: Sequence[Attempt], found: Sequence[Breakdown]) -> list[str]:
+    """Scenes of which several methods were asked when the model ends; agreed or not, all of them must say."""
+    ladders: dict[str, set[str]] = {one.scene: set() for one in found}
+    for one in attempts:
+        if one.scene in BREAKDOWNS and not one.epsilon:
+            ladders.setdefault(one.scene, set()).add(one.method)
+    for known in found:
+        ladders[known.scene].add(known.method)
+    return [scene for scene, methods in ladders.items() if len(methods) > 1]
 
 
 def _claim(found: Sequence[Breakdown], scene: str, apart: float, allowed: float) -> Claim:

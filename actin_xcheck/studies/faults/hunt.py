@@ -223,7 +223,7 @@ def control(caught: Caught) -> Claim:
         value=value,
         bound=1.0,
         command=command("faults", only=caught.name),
-        path=f"/faults/{caught.name}",
+        path="/tables/faults",
         note=f"{note}; value: {said}",
     )
 
