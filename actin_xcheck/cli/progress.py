@@ -37,6 +37,7 @@ class Progress:
         )
         self.tasks: dict[str, TaskID] = {}
         self.began: dict[str, tuple[float, float]] = {}
+        self.done: dict[str, float] = {}
         self.said: dict[str, float] = {}
 
     def __enter__(self) -> Self:
@@ -51,8 +52,9 @@ class Progress:
     def report(self, label: str, done: float, total: float) -> None:
         """Parts done of parts in all for the work called `label`."""
         now = time.monotonic()
-        if done <= self.began.get(label, (now, done))[1]:  # it begins, or a batch after another does
+        if done < self.done.get(label, math.inf):  # it begins, or a batch after another does
             self.began[label] = now, done
+        self.done[label] = done
         if self.bars.disable:
             self._line(label, done, total, now)
             return
