@@ -63,7 +63,7 @@ def write_run(
     mesh = disk(refine, 0.8)
     times = [t for t in TIMES if outcome is None or t <= 0.1]
     attributes = {"scene": SCENE, "scene_name": scene, "method_name": method}
-    attributes["family"] = METHODS[method].family
+    attributes["family"] = METHODS[method].family if method in METHODS else "fem"
     attributes["method"] = json.dumps({"description": "a scheme that needs many words, " * 3})
     attributes |= {"command": f"python -m actin_xcheck run {scene} --method {method}", "commit": "c0ffee" * 6}
     attributes |= {"versions": json.dumps({"numpy": np.__version__, "fipy": "4.0.3"}), "refine": refine}
