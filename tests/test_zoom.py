@@ -88,7 +88,7 @@ def opened(browser: Browser, page: Path, name: str) -> Zoomed:
     return Zoomed(browser, name)
 
 
-NAMES = {CURVES: "Area |Ω|", WORK: "Error of the concentration against cpu", MAP: "over psi,dt"}
+NAMES = {CURVES: "Area |Ω|", WORK: "Error of the concentration against cpu", MAP: "over (ψ, Δt)"}
 
 
 @pytest.mark.parametrize(
