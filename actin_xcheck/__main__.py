@@ -11,11 +11,13 @@ def settle() -> None:
     """Set this process and those it will start apart from what surrounds them.
 
     Nothing may have been imported: `python -m` looks for modules in the working directory first, where any
-    file may be called `fem.py` or `queue.py`.  It comes last, unless it is where this package lies.
+    file may be called `fem.py` or `queue.py`.  It comes last, behind the folder of this package (which is not a
+    path of its own where an editable install finds it), unless it is that folder.
     """
     here = os.getcwd() if os.path.exists(".") else ""
     if here != _PLACE:
-        sys.path.sort(key=lambda entry: entry in ("", here))
+        sys.path.append(_PLACE)
+        sys.path.sort(key=lambda entry: 2 if entry in ("", here) else entry == _PLACE)
         os.environ["PYTHONSAFEPATH"] = "1"
         named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
         os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, named))  # an empty name is this directory
