@@ -17,5 +17,11 @@ class InTurn:
             yield number, Lost("killed") if task.task.ask in self.lost else work(task)
 
 
-def carry(folder, study, processes=None, name="squares", tell=lambda label, over, whole: None):
-    return carry_out(name, study, folder, f"python -m actin_xcheck {name}", processes or InTurn(), tell)
+def here(work, task):
+    """What is timed runs in this process too."""
+    return work(task)
+
+
+def carry(folder, study, processes=None, name="squares", tell=lambda label, over, whole: None, alone=here):
+    command = f"python -m actin_xcheck {name}"
+    return carry_out(name, study, folder, command, processes or InTurn(), tell, alone)

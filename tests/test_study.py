@@ -16,12 +16,13 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.runs.alone import work_alone
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies.page import write_page
-from actin_xcheck.studies.study import Report, Table, Task, answered, counted, study_file
+from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, counted, study_file
 from tests.claims import claim
 from tests.processes import cluster
 from tests.studies import InTurn, carry
@@ -151,6 +152,27 @@ def test_a_lost_task_with_a_stand_in_does_not_end_the_study_and_is_tried_again(t
 
     assert carry(tmp_path, study(), InTurn(lost=[4])).findings == ("killed",)
     assert carry(tmp_path, study()).findings == ("as", "said")
+
+
+def timed(numbers):
+    """Asks for all but the first to be timed, and expects to ask for ten seconds more than it does."""
+    answers = yield Batch(
+        (Task(square, number, seconds=number, alone=number != numbers[0]) for number in numbers), later=10
+    )
+    return Report("", "", {"squares": Table("Squares", answers)})
+
+
+def test_what_is_timed_runs_by_itself_when_the_others_are_over_and_is_kept(tmp_path):
+    told = []
+    with executor(2) as processes:
+        report = carry(tmp_path, timed([1, 2, 3]), processes, tell=lambda *one: told.append(one))
+        assert [one.number for one in report.tables["squares"].rows] == [1, 2, 3]
+        assert made(tmp_path) == [1, 2, 3]
+        assert told == [("squares", over, 16) for over in (0, 1, 3, 6)]
+        carry(tmp_path, timed([1, 2, 3]), processes, alone=work_alone)
+        assert made(tmp_path) == [1, 2, 3]
+        carry(tmp_path, timed([1, 4]), processes, alone=work_alone)
+    assert made(tmp_path) == [1, 2, 3, 4]
 
 
 def test_progress_counts_expected_seconds_and_what_was_known(tmp_path):

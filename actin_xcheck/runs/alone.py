@@ -9,6 +9,7 @@ from multiprocessing.util import get_temp_dir
 from typing import Any, TypeVar
 
 from actin_xcheck.runs.executor import Lost, Processes, Report
+from actin_xcheck.runs.method import METHODS
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -24,20 +25,21 @@ _FIRST = "actin_xcheck.runs.forking"
 
 
 def prepare(modules: Iterable[str]) -> None:
-    """Name the modules that are imported once, in the process from which those of the tasks are forked.
+    """Name the modules that are imported once, solvers beside them, where processes of tasks are forked from.
 
     To be called before the first task; without effect where systems cannot fork.
     """
     if _FORKS:
-        _CONTEXT.set_forkserver_preload([_FIRST, *modules])
+        solvers = sorted({method.solver.split(":")[0] for method in METHODS.values()})
+        _CONTEXT.set_forkserver_preload([_FIRST, *modules, *solvers])
 
 
-def work_alone(work: Callable[[Task, Report], Result], task: Task, report: Report) -> Result | Lost:
+def work_alone(work: Callable[..., Result], task: Task, report: Report | None = None) -> Result | Lost:
     """Return the result of `work` on a task, made in a process of its own while this one waits.
 
     Parameters
     ----------
-    work : a module's function; it is handed the task and a Report of its own.
+    work : a module's function; it is handed the task, and a Report of its own where one is given.
     task : picklable.
     report : told of the task's progress, in this process.
 

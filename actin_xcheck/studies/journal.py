@@ -8,7 +8,7 @@ come in.
 import hashlib
 import json
 import sqlite3
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from io import BytesIO
@@ -69,11 +69,20 @@ class Journal:
             rows.executemany("INSERT OR REPLACE INTO files VALUES (?, ?, ?)", left)
             rows.execute("COMMIT")
 
-    def whole(self, key: str, files: Sequence[str]) -> bool:
-        """Whether files are as the answer under a key left them: another question may have the same names."""
+    def answers(self, wanted: Mapping[str, tuple[type, Sequence[str]]]) -> dict[str, Any]:
+        """Return the answers that are there, by key: of each its class and the files that belong to it.
+
+        One whose files are not as it left them is none: another question may have the same names.
+        """
+        found = {}
         with self._open() as rows:
-            left = dict(rows.execute("SELECT file, digest FROM files WHERE key = ?", (key,)).fetchall())
-        return all(file in left and left[file] == self._digest(file) for file in files)
+            for key, (kind, files) in wanted.items():
+                row = rows.execute("SELECT image FROM answers WHERE key = ?", (key,)).fetchone()
+                left = dict(rows.execute("SELECT file, digest FROM files WHERE key = ?", (key,)))
+                if row and all(file in left and left[file] == self._digest(file) for file in files):
+                    with h5py.File(BytesIO(row[0])) as file:
+                        found[key] = read_record(file, kind)
+        return found
 
     def _digest(self, file: str) -> str | None:
         try:
@@ -81,15 +90,6 @@ class Journal:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
         except FileNotFoundError:
             return None
-
-    def answer(self, key: str, kind: type) -> Any | None:
-        """Return the answer of class `kind` under a key; None where there is none."""
-        with self._open() as rows:
-            row = rows.execute("SELECT image FROM answers WHERE key = ?", (key,)).fetchone()
-        if row is None:
-            return None
-        with h5py.File(BytesIO(row[0])) as file:
-            return read_record(file, kind)
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:

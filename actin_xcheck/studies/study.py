@@ -8,11 +8,11 @@ its report:
         return Report("Ripples", "How fast ...", {"ripples": Table("Ripples", answers)})
 
 Everything else is done here, once: answers that the same code has given before are taken up again, others
-come from this machine's cores or a cluster, the longest first, and are kept as they come; the report is
-written to `<name>.h5`, of which alone its page is made.
+come from this machine's cores or a cluster, the longest first, and are kept as they come; what is timed runs
+by itself, when they are over.  The report is written to `<name>.h5`, of which alone its page is made.
 """
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -23,6 +23,7 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
+from actin_xcheck.runs.alone import prepare, work_alone
 from actin_xcheck.runs.executor import Executor, Lost, portable
 from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import provenance, state, writing
@@ -31,6 +32,9 @@ from actin_xcheck.studies.journal import FILE_NAME, Journal, key_of, stated
 
 Tell = Callable[[str, float, float], None]
 """Told of a label, seconds of work that are over, and seconds in all, as they were expected."""
+
+Alone = Callable[[Callable[[Any], Any], Any], Any]
+"""Returns what work makes of a task in a process of its own, or Lost; see `runs.alone.work_alone`."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,7 @@ class Task:
     files : what it leaves in the folder: without one of them its answer is not taken up again.
     lost : makes what stands in for the answer, of what was asked and why, where every process ended under it;
         without one the study cannot go on.
+    alone : whether it is timed: it then runs on this machine, one at a time, in a process of its own.
     """
 
     work: Callable[[Any, Path], Any]
@@ -53,12 +58,25 @@ class Task:
     seconds: float = 1.0
     files: tuple[str, ...] = ()
     lost: Callable[[Any, str], Any] | None = None
+    alone: bool = False
 
     @property
     def answer(self) -> type:
         """The class of its answer."""
         kind: type = get_type_hints(self.work)["return"]
         return kind
+
+
+class Batch(tuple[Task, ...]):
+    """Tasks, where more are expected to be asked for when they are answered: about so many seconds of them."""
+
+    later: float
+
+    def __new__(cls, tasks: Iterable[Task], later: float) -> "Batch":
+        """Tasks and the seconds of those that come later."""
+        batch = super().__new__(cls, tasks)
+        batch.later = later
+        return batch
 
 
 @dataclass(frozen=True)
@@ -105,7 +123,15 @@ def counted(claims: Sequence[Claim], words: str) -> str:
     return f"{sum(claim.holds for claim in judged)} of {len(judged)} {words}"
 
 
-def carry_out(name: str, study: Study, folder: Path, command: str, processes: Executor, tell: Tell) -> Report:
+def carry_out(
+    name: str,
+    study: Study,
+    folder: Path,
+    command: str,
+    processes: Executor,
+    tell: Tell,
+    alone: Alone = work_alone,
+) -> Report:
     """Carry a study out in a folder that exists, write its report and return it.
 
     Parameters
@@ -114,12 +140,13 @@ def carry_out(name: str, study: Study, folder: Path, command: str, processes: Ex
     command : what makes it again.
     processes : what has processes for its tasks.
     tell : see `Tell`.
+    alone : what carries out tasks that are timed.
 
     Raises UserError where the folder has another study, and for tasks whose processes ended every time.
     """
     journal = Journal(folder, name)
     (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
-    report = answered(study, lambda tasks: _answers(tasks, journal, folder, processes, tell, name))
+    report = answered(study, _Course(journal, folder, processes, alone, tell, name).answers)
     write_report(folder / f"{name}.h5", name, report, command)
     return report
 
@@ -190,46 +217,64 @@ class _Asked:
     code: str
 
 
-def _answers(
-    tasks: Sequence[Task], journal: Journal, folder: Path, processes: Executor, tell: Tell, label: str
-) -> list[Any]:
-    """The answers to a batch, each question asked once."""
-    if not tasks:
-        return []
-    wanted = {key_of(task.work, stated(task.ask)): task for task in tasks}
-    answers = {
-        key: journal.answer(key, task.answer)
-        for key, task in wanted.items()
-        if journal.whole(key, task.files)
-    }
-    answers = {key: answer for key, answer in answers.items() if answer is not None}
-    open_ones = sorted((key for key in wanted if key not in answers), key=lambda key: -wanted[key].seconds)
-    lost: list[str] = []
-    raised: list[Exception] = []
-    whole, over = sum(task.seconds for task in wanted.values()), sum(wanted[key].seconds for key in answers)
-    tell(label, over, whole)
-    asked = [_Asked(wanted[key], folder.resolve(), code()) for key in open_ones]
-    for number, answer in processes.results(_work, asked):
-        key = open_ones[number]
-        task = wanted[key]
-        if isinstance(answer, _Raised):
-            raised.append(answer.error)
-        elif not isinstance(answer, Lost):
-            journal.keep(key, stated(task.ask), answer, task.files)
-            answers[key] = answer
-        elif task.lost:
-            answers[key] = task.lost(task.ask, answer.message)
-        else:
-            what = task.files[0] if task.files else stated(task.ask)
-            lost.append(f"{task.work.__name__} of {what} ({answer.message})")
-        over += task.seconds
-        tell(label, over, whole)
-    if raised:
-        raise raised[0]
-    if lost:
-        said = f"{label}: {len(lost)} lost, {'; '.join(lost)}"
-        raise UserError(f"{said}; valid: the same command again, with --out {folder}")
-    return [answers[key_of(task.work, stated(task.ask))] for task in tasks]
+@dataclass
+class _Course:
+    """A study under way: where its answers are kept and come from, and the seconds of those that it has."""
+
+    journal: Journal
+    folder: Path
+    processes: Executor
+    alone: Alone
+    tell: Tell
+    name: str
+    over: float = 0.0
+
+    def answers(self, tasks: Sequence[Task]) -> list[Any]:
+        """The answers to a batch, each question asked once."""
+        asked = [stated(task.ask) for task in tasks]
+        keys = [key_of(task.work, said) for task, said in zip(tasks, asked, strict=True)]
+        wanted = dict(zip(keys, tasks, strict=True))
+        found = self.journal.answers({key: (task.answer, task.files) for key, task in wanted.items()})
+        whole = self.over + sum(task.seconds for task in wanted.values()) + getattr(tasks, "later", 0.0)
+        self.over += sum(wanted[key].seconds for key in found)
+        self.tell(self.name, self.over, whole)
+        lost: list[str] = []
+        raised: list[Exception] = []
+        said = dict(zip(keys, asked, strict=True))
+        for key, answer in self._results({key: task for key, task in wanted.items() if key not in found}):
+            task = wanted[key]
+            if isinstance(answer, _Raised):
+                raised.append(answer.error)
+            elif not isinstance(answer, Lost):
+                self.journal.keep(key, said[key], answer, task.files)
+                found[key] = answer
+            elif task.lost:
+                found[key] = task.lost(task.ask, answer.message)
+            else:
+                what = task.files[0] if task.files else said[key]
+                lost.append(f"{task.work.__name__} of {what} ({answer.message})")
+            self.over += task.seconds
+            self.tell(self.name, self.over, whole)
+        if raised:
+            raise raised[0]
+        if lost:
+            ends = f"{self.name}: {len(lost)} lost, {'; '.join(lost)}"
+            raise UserError(f"{ends}; valid: the same command again, with --out {self.folder}")
+        return [found[key] for key in keys]
+
+    def _results(self, tasks: Mapping[str, Task]) -> Iterator[tuple[str, Any]]:
+        """Yield what comes of tasks, by their keys: the longest are begun first, those that are timed last."""
+        folder, version = self.folder.resolve(), code()
+        asked = {key: _Asked(task, folder, version) for key, task in tasks.items()}
+        together = sorted((key for key in tasks if not tasks[key].alone), key=lambda key: -tasks[key].seconds)
+        if together:
+            for number, answer in self.processes.results(_work, [asked[key] for key in together]):
+                yield together[number], answer
+        timed = [key for key in tasks if tasks[key].alone]
+        if timed:
+            prepare([__name__, *{tasks[key].work.__module__ for key in timed}])
+        for key in timed:
+            yield key, self.alone(_work, asked[key])
 
 
 @dataclass(frozen=True)
