@@ -68,7 +68,7 @@ class Task:
 
 
 class Batch(tuple[Task, ...]):
-    """Tasks, where more are expected to be asked for when they are answered: about so many seconds of them."""
+    """Tasks, where more will be asked for when these are answered: about so many seconds of them."""
 
     later: float
 
@@ -263,7 +263,7 @@ class _Course:
         return [found[key] for key in keys]
 
     def _results(self, tasks: Mapping[str, Task]) -> Iterator[tuple[str, Any]]:
-        """Yield what comes of tasks, by their keys: the longest are begun first, those that are timed last."""
+        """Yield what comes of tasks, by their keys: the longest begin first, those that are timed last."""
         folder, version = self.folder.resolve(), code()
         asked = {key: _Asked(task, folder, version) for key, task in tasks.items()}
         together = sorted((key for key in tasks if not tasks[key].alone), key=lambda key: -tasks[key].seconds)
