@@ -11,7 +11,7 @@ def settle() -> None:
     """Set this process and those it will start apart from what surrounds them.
 
     Nothing may have been imported: `python -m` looks for modules in the working directory first, where any
-    file may be called `fem.py` or `queue.py`.  It comes last, behind the folder of this package (which is not a
+    file may be called `fem.py` or `queue.py`.  It comes last, behind the folder of this package (which is no
     path of its own where an editable install finds it), unless it is that folder.
     """
     here = os.getcwd() if os.path.exists(".") else ""
