@@ -5,7 +5,7 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.alone import work_alone
-from actin_xcheck.runs.executor import executor
+from actin_xcheck.runs.executor import Lost, executor
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
@@ -146,12 +146,38 @@ def test_a_lost_task_is_named_and_the_others_are_kept(tmp_path):
 def test_a_lost_task_with_a_stand_in_does_not_end_the_study_and_is_tried_again(tmp_path):
     def study():
         (one,) = yield [
-            Task(square, 4, lost=lambda ask, why: Square(ask, np.nan, Parity.EVEN, np.zeros(0), (why,)))
+            Task(
+                square, 4, lost=lambda ask, why: Square(ask, np.nan, Parity.EVEN, np.zeros(0), (why.message,))
+            )
         ]
         return Report("", "", findings=one.words)
 
     assert carry(tmp_path, study(), InTurn(lost=[4])).findings == ("killed",)
     assert carry(tmp_path, study()).findings == ("as", "said")
+
+
+@dataclass(frozen=True)
+class Hurried:
+    number: int
+    seconds: float = field(compare=False)
+
+
+def hurry(asked: Hurried, folder: Path) -> Square | Lost:
+    return square(asked.number, folder) if asked.seconds > 1 else Lost("too little time")
+
+
+def test_what_has_no_time_is_asked_again_and_turns_go_before_lengths(tmp_path):
+    def study(seconds):
+        answers = yield [
+            Task(hurry, Hurried(number, seconds), number, lost=lambda ask, lost: lost, turn=turn)
+            for turn, number in enumerate((3, 5))
+        ]
+        return Report("", "", findings=tuple(one.message for one in answers if isinstance(one, Lost)))
+
+    assert carry(tmp_path, study(0.0)).findings == ("too little time",) * 2
+    assert carry(tmp_path, study(2.0)).findings == ()
+    assert carry(tmp_path, study(0.0)).findings == ()  # of what is compared it is the same question
+    assert made(tmp_path) == [3, 5]
 
 
 def timed(numbers):

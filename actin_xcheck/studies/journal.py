@@ -84,6 +84,16 @@ class Journal:
                         found[key] = read_record(file, kind)
         return found
 
+    def kept(self, kind: type) -> list[Any]:
+        """Return all that was answered, in the order in which it came, where all of it is of class `kind`."""
+        with self._open() as rows:
+            images = rows.execute("SELECT image FROM answers ORDER BY rowid").fetchall()
+        found = []
+        for (image,) in images:
+            with h5py.File(BytesIO(image)) as file:
+                found.append(read_record(file, kind))
+        return found
+
     def _digest(self, file: str) -> str | None:
         try:
             with open(self.path.parent / file, "rb") as stream:
@@ -108,8 +118,8 @@ def key_of(work: Callable[..., Any], asked: str) -> str:
 
 
 def stated(ask: Any) -> str:
-    """A question in JSON: plain values, dataclasses by class and fields, scenes by their text, functions by
-    their place.
+    """A question in JSON: plain values, dataclasses by class and fields by which they are compared, scenes by
+    their text, functions by their place.
     """
     return json.dumps(ask, default=_plain, sort_keys=True)
 
@@ -118,5 +128,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Scene):
         return value.text
     if is_dataclass(value) and not isinstance(value, type):
-        return [type(value).__qualname__, {one.name: getattr(value, one.name) for one in fields(value)}]
+        return [
+            type(value).__qualname__,
+            {one.name: getattr(value, one.name) for one in fields(value) if one.compare},
+        ]
     return f"{value.__module__}:{value.__qualname__}"

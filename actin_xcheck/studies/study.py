@@ -48,17 +48,19 @@ class Task:
     ask : what is asked: a frozen dataclass of plain values, or plain values.
     seconds : that it is expected to take on one core.
     files : what it leaves in the folder: without one of them its answer is not taken up again.
-    lost : makes what stands in for the answer, of what was asked and why, where every process ended under it;
-        without one the study cannot go on.
+    lost : makes what stands in for the answer, of what was asked and a `Lost`, where every process ended
+        under it or its work returned one; without one the study cannot go on.
     alone : whether it is timed: it then runs on this machine, one at a time, in a process of its own.
+    turn : those with a smaller one begin first, however long they take.
     """
 
     work: Callable[[Any, Path], Any]
     ask: Any
     seconds: float = 1.0
     files: tuple[str, ...] = ()
-    lost: Callable[[Any, str], Any] | None = None
+    lost: Callable[[Any, Lost], Any] | None = None
     alone: bool = False
+    turn: int = 0
 
     @property
     def answer(self) -> type:
@@ -144,11 +146,18 @@ def carry_out(
 
     Raises UserError where the folder has another study, and for tasks whose processes ended every time.
     """
-    journal = Journal(folder, name)
-    (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
-    report = answered(study, _Course(journal, folder, processes, alone, tell, name).answers)
+    report = report_of(name, study, folder, processes, tell, alone)
     write_report(folder / f"{name}.h5", name, report, command)
     return report
+
+
+def report_of(
+    name: str, study: Study, folder: Path, processes: Executor, tell: Tell, alone: Alone = work_alone
+) -> Report:
+    """Carry a study out, see `carry_out`, and return its report, to be written to a file of another kind."""
+    journal = Journal(folder, name)
+    (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
+    return answered(study, _Course(journal, folder, processes, alone, tell, name).answers)
 
 
 def carry_out_here(name: str, study: Study, folder: Path, command: str) -> Report:
@@ -249,7 +258,7 @@ class _Course:
                 self.journal.keep(key, said[key], answer, task.files)
                 found[key] = answer
             elif task.lost:
-                found[key] = task.lost(task.ask, answer.message)
+                found[key] = task.lost(task.ask, answer)
             else:
                 what = task.files[0] if task.files else said[key]
                 lost.append(f"{task.work.__name__} of {what} ({answer.message})")
@@ -266,7 +275,8 @@ class _Course:
         """Yield what comes of tasks, by their keys: the longest begin first, those that are timed last."""
         folder, version = self.folder.resolve(), code()
         asked = {key: _Asked(task, folder, version) for key, task in tasks.items()}
-        together = sorted((key for key in tasks if not tasks[key].alone), key=lambda key: -tasks[key].seconds)
+        together = [key for key in tasks if not tasks[key].alone]
+        together.sort(key=lambda key: (tasks[key].turn, -tasks[key].seconds))
         if together:
             for number, answer in self.processes.results(_work, [asked[key] for key in together]):
                 yield together[number], answer

@@ -12,6 +12,7 @@ from actin_xcheck.core.contract import Probes, State
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.accuracy import LEVELS, Level, estimated
+from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.run import bind
@@ -91,15 +92,15 @@ class Truth:
         return ended and self.uncertainty <= TRUTH_MOST * self.bound
 
 
-def lost_answer(asked: object, why: str) -> Answer:
+def lost_answer(asked: object, lost: Lost) -> Answer:
     """The answer of a run whose processes ended under it: a failure of which nothing else is known."""
     nan = float("nan")
-    return Answer(str(Ending.INTERRUPTED), why, nan, nan, nan, (), (), nan)
+    return Answer(str(Ending.INTERRUPTED), lost.message, nan, nan, nan, (), (), nan)
 
 
-def lost_truth(asked: "Converged", why: str) -> Truth:
+def lost_truth(asked: "Converged", lost: Lost) -> Truth:
     """The same of a converged run: a truth that decides nothing."""
-    return Truth(lost_answer(asked, why), "", float("nan"))
+    return Truth(lost_answer(asked, lost), "", float("nan"))
 
 
 ERRORS = ("area", "total_actin", "a", "x")
