@@ -13,8 +13,9 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.executor import jobs_asked
-from actin_xcheck.runs.fidelity import Fidelity, reduced
-from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.numerics import Asked
 from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies import compare as comparison
@@ -22,7 +23,6 @@ from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.folder import make_folder, report_folder, report_in
 from actin_xcheck.studies.sweep.carry_out import carry_out, plan
 from actin_xcheck.studies.sweep.table import SweepTable
-from actin_xcheck.studies.sweep.task import Numerics
 
 __all__ = ["cross_check", "load", "render", "run", "sweep"]
 
@@ -67,16 +67,11 @@ def run(
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
-    chosen = find_method(method)
-    if rtol is not None and not chosen.adaptive:
-        adaptive = ", ".join(name for name, known in METHODS.items() if known.adaptive)
-        raise UserError(f"rtol: {method} takes equal steps; valid with {adaptive}, or dt instead")
-    refine, dt = runs.numerics(scene, refine, dt)
-    reduction = reduced(scene, chosen, _fidelity(fidelity), rtol)
+    numerics = Asked(method, refine, dt, rtol, _fidelity(fidelity)).on(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.vtkhdf" if out is None else Path(out)
         make_folder(path.parent)
-        runs.run(scene, chosen, refine, dt, path, "actin_xcheck.run", rtol=rtol, reduction=reduction)
+        runs.run(scene, numerics, path, "actin_xcheck.run")
         return read_run(path)
 
 
@@ -144,8 +139,8 @@ def sweep(
     """
     processes = jobs_asked(jobs, scheduler)
     names = [methods] if isinstance(methods, str) else list(methods)
-    numerics = Numerics(names[0], refine, dt, rtol, _fidelity(fidelity))
-    planned = plan(Path(file), names, numerics, make_folder(Path(out)), "actin_xcheck.sweep")
+    asked = Asked(names[0], refine, dt, rtol, _fidelity(fidelity))
+    planned = plan(Path(file), names, asked, make_folder(Path(out)), "actin_xcheck.sweep")
     table, _ = carry_out(planned, processes, scheduler, lambda label, done, total: None)
     return table
 

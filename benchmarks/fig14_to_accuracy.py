@@ -17,6 +17,7 @@ import numpy as np
 from actin_xcheck.runs.accuracy import deliver
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.resolve import mesh_of
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.runs.store import read_run
@@ -39,7 +40,7 @@ def seconds(step, times=7):
 
 def error(refine, dt, path):
     """Largest error of the article's scheme over quantities and output times."""
-    run(SCENE, PAPER, refine, dt, path)
+    run(SCENE, Numerics(PAPER, refine, dt), path)
     return max(reference_errors(SCENE, read_run(path)).values())
 
 
@@ -62,7 +63,7 @@ def main():
         true = max(reference_errors(SCENE, read_run(path)).values())
         print(f"--accuracy {ASKED:g}: {high:.2f} s, estimate {reached.estimate:.1e}, true error {true:.1e}")
     for level in (5, 6, min(refine, 7)):
-        mesh, solver = mesh_of(SCENE, level), bind(SCENE, PAPER, level, 1e-3)
+        mesh, solver = mesh_of(SCENE, level), bind(SCENE, Numerics(PAPER, level, 1e-3))
         state, (x, a) = solver.init(), plain_skfem.start(mesh)
         new, _ = solver.step(state, 1e-3)
         plain_x, plain_a = plain_skfem.step(mesh, x, a, 1e-3)

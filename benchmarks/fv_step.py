@@ -19,6 +19,7 @@ import numpy as np
 
 from actin_xcheck.core.mesh import signed_areas
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.core.contract import Move, State
@@ -63,7 +64,7 @@ class Contender:
     mechanics: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.solver = bind(SCENE, METHODS[self.name], self.refine, DT)
+        self.solver = bind(SCENE, Numerics(METHODS[self.name], self.refine, DT))
         self._spent = 0.0
         mechanics = self.solver.mechanics  # type: ignore[attr-defined]
         for name in ("advance", "flow"):

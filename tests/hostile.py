@@ -25,6 +25,7 @@ from actin_xcheck.core.errors import LONGEST, UserError
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.machine import peak_memory
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.compare import jobs_of
@@ -194,7 +195,9 @@ def _tried(scene: Scene, out: Path, draw: random.Random) -> tuple[str, str]:
     if len(scene.output_times) > 6:
         return "accepted", ""
     method = METHODS[draw.choice(METHOD_NAMES)]
-    outcome = runs.run(scene, method, draw.randint(1, 2), scene.time.end / 2, out / f"{scene.name}.vtkhdf")
+    outcome = runs.run(
+        scene, Numerics(method, draw.randint(1, 2), scene.time.end / 2), out / f"{scene.name}.vtkhdf"
+    )
     return str(outcome.ending), "" if outcome.message.isprintable() else f"message: {outcome.message!r}"
 
 
@@ -220,7 +223,7 @@ def _told(words: tuple[str, ...]) -> tuple[str, str]:
 def _warm_up(out: Path) -> None:
     """Load what is imported and compiled on first use, which is no input's doing."""
     for name in METHODS:
-        runs.run(load_scene("static-decay"), METHODS[name], 2, 0.25, out / name)
+        runs.run(load_scene("static-decay"), Numerics(METHODS[name], 2, 0.25), out / name)
     for kind in REPORTS:
         _lay_out(tuple(a_report(kind).items()), out / kind)
         _told(("report", str(out / kind)))

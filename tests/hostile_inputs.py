@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text, shipped_scenes
@@ -396,5 +397,5 @@ def a_run() -> bytes:
     """The file of a run."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.vtkhdf"
-        run(load_scene("static-decay"), METHODS["fem-p1-paper"], 1, 0.25, path)
+        run(load_scene("static-decay"), Numerics(METHODS["fem-p1-paper"], 1, 0.25), path)
         return path.read_bytes()

@@ -8,6 +8,7 @@ import numpy as np
 
 from actin_xcheck.report.exhibits import Chapter, Line, Picture, Plot, Sheet
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import provenance, write_comparison
 from actin_xcheck.scene.scene import load_scene
@@ -32,7 +33,7 @@ REPORTS = ("comparison", "predict")
 def _comparison(folder: Path) -> Path:
     scene, path = load_scene("static-decay"), folder / "runs" / "decay.vtkhdf"
     path.parent.mkdir()
-    run(scene, METHODS["fem-p1-paper"], 1, 0.25, path)
+    run(scene, Numerics(METHODS["fem-p1-paper"], 1, 0.25), path)
     made = claim("conserves", 1e-15, 1e-12, scene=scene.name, methods=("fem-p1-paper",))
     attributes = {"command": "compare", **provenance()}
     write_comparison(folder / "comparison.h5", [made], {f"{scene.name}/fem-p1-paper": path}, attributes)

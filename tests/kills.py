@@ -24,6 +24,7 @@ from actin_xcheck.runs import checkpoint
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import HAND_OVER, METHODS, MODAL, RADIAL, SECTOR
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 
@@ -119,16 +120,12 @@ def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = Fal
     with stop_signals() as stop:
         return runs.run(
             scene,
-            method,
-            kind.refine,
-            kind.dt,
+            Numerics(method, kind.refine, kind.dt, kind.rtol, reduction),
             path,
             "",
             progress,
-            kind.rtol,
-            reduction,
             resume,
-            stop=stop,
+            stop,
         )
 
 
@@ -137,7 +134,7 @@ def work(kind: Kind, path: Path, resume: bool) -> None:
     checkpoint.REST = OFTEN
     scene, method = kind.loaded, METHODS[kind.method]
     reduction = reduced(scene, method, kind.fidelity, kind.rtol)
-    runs.run(scene, method, kind.refine, kind.dt, path, rtol=kind.rtol, reduction=reduction, resume=resume)
+    runs.run(scene, Numerics(method, kind.refine, kind.dt, kind.rtol, reduction), path, resume=resume)
 
 
 @dataclass

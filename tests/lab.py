@@ -12,6 +12,7 @@ from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import Scene, parse_scene
 
@@ -50,7 +51,9 @@ def film_of(solver: Solver, dt: float, times: Sequence[float]) -> tuple[Film, Ou
 
 def play(scene: Scene, method: str, refine: int, dt: float, times: Sequence[float] | None = None) -> Film:
     """Run a scene in memory; it must complete."""
-    film, outcome = film_of(bind(scene, METHODS[method], refine, dt), dt, times or scene.output_times)
+    film, outcome = film_of(
+        bind(scene, Numerics(METHODS[method], refine, dt)), dt, times or scene.output_times
+    )
     assert outcome.ok, outcome
     return film
 

@@ -9,6 +9,7 @@ from actin_xcheck.cli.app import main
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.accuracy import change, deliver, estimated
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
@@ -104,7 +105,7 @@ def test_an_estimate_keeps_above_the_error_where_waves_are_hardly_resolved(tmp_p
     )
     reached = deliver(growing, 3e-2, tmp_path / "run.vtkhdf", "")
     fine = tmp_path / "fine.vtkhdf"
-    assert run(growing, METHODS["fem-p4-imex4"], 3, 1.0, fine, rtol=1e-5).ok  # good to 6e-4
+    assert run(growing, Numerics(METHODS["fem-p4-imex4"], 3, 1.0, 1e-5), fine).ok  # good to 6e-4
     error = change(read_run(tmp_path / "run.vtkhdf"), read_run(fine), growing.output_times)
     assert error <= reached.estimate <= 3e-2
 
@@ -123,7 +124,7 @@ def test_steps_are_no_finer_than_the_accuracy_needs(tmp_path):
     assert reached.level.refine == 3
     assert reached.level.rtol >= 3e-5
     fine = tmp_path / "fine.vtkhdf"
-    assert run(lopsided, reached.level.method, 4, 1.0, fine, rtol=1e-5).ok
+    assert run(lopsided, Numerics(reached.level.method, 4, 1.0, 1e-5), fine).ok
     error = change(read_run(tmp_path / "run.vtkhdf"), read_run(fine), lopsided.output_times)
     assert error <= reached.estimate <= 1e-3
 
@@ -132,8 +133,8 @@ def test_a_mesh_too_coarse_to_stand_is_no_breakdown_of_the_model(tmp_path, monke
     """Coarse levels fold where finer ones do not: that is what the next level is for."""
     failures = iter([Outcome(Ending.TANGLED, "folds")])
 
-    def folding(scene, method, refine, dt, path, *others):
-        outcome = run(scene, method, refine, dt, path, *others)
+    def folding(*given):
+        outcome = run(*given)
         return next(failures, outcome)
 
     monkeypatch.setattr("actin_xcheck.runs.accuracy.run", folding)

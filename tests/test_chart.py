@@ -20,6 +20,7 @@ from actin_xcheck.runs.alone import work_alone
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
@@ -91,7 +92,7 @@ def test_the_cloud_integrates_over_the_disk_with_a_kink_at_the_ring():
 @pytest.mark.parametrize("name", [FEM, FV])
 def test_an_error_on_the_cloud_is_the_error_over_the_cell(name, tmp_path):
     scene, method = load_scene("manufactured-moving"), METHODS[name]
-    run(scene, method, 3, 0.05, tmp_path / "run.vtkhdf")
+    run(scene, Numerics(method, 3, 0.05), tmp_path / "run.vtkhdf")
     sample = measured((scene, Point(method, 3, 0.05)), quiet)
     truth = truth_of(scene, sample, sample)
     over_cell = l2_error(scene, read_run(tmp_path / "run.vtkhdf"))

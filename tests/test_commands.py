@@ -12,6 +12,7 @@ from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import read_night
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_comparison, read_run, reading
@@ -82,7 +83,7 @@ def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path,
 def test_the_bound_of_a_run_that_chose_its_steps_is_made_of_those_it_took(tmp_path):
     """Of the largest it might have taken the bound would be 0.3, and 4 % too much would pass."""
     scene, path = load_scene("fig14-four-fronts"), tmp_path / "t.vtkhdf"
-    run(scene, METHODS[P1], 3, scene.time.end, path, rtol=1e-5)
+    run(scene, Numerics(METHODS[P1], 3, scene.time.end, 1e-5), path)
     kept = read_run(path)
     taken = np.diff(kept.series["time"]).max()
     assert taken < 0.1 * kept.attributes["dt"]

@@ -12,7 +12,8 @@ from actin_xcheck.core.mesh import disk, integral
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.march import integrate, step_count
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.run import bind, numerics
+from actin_xcheck.runs.numerics import Numerics, suited
+from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, Film, film_of, play, scene_of
 
@@ -22,7 +23,7 @@ EVERY = pytest.mark.parametrize("method", list(METHODS))
 @EVERY
 def test_a_step_is_pure(method):
     """The same step from the same state twice, with another step between: the same bits, old state intact."""
-    solver = bind(load_scene("fig14-four-fronts"), METHODS[method], 3, 0.0409)
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], 3, 0.0409))
     start = solver.init()
     before = {f.name: np.copy(getattr(start, f.name)) for f in dataclasses.fields(State)}
     step = 0.05 / 2
@@ -40,7 +41,7 @@ def test_a_step_is_pure(method):
 
 @EVERY
 def test_corner_values_carry_the_total_the_scheme_conserves(method):
-    solver = bind(load_scene("fig14-four-fronts"), METHODS[method], 3, 0.0409)
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], 3, 0.0409))
     state, _ = solver.step(solver.init(), 0.05 / 2)
     total = integral(state.x, solver.mesh.triangles, solver.corners(state))
     if state.a.size == solver.mesh.triangles.shape[1]:
@@ -54,7 +55,7 @@ def test_corner_values_carry_the_total_the_scheme_conserves(method):
 @EVERY
 def test_the_initial_state_is_the_scenes(method):
     scene = scene_of(a="1 + 0.2*x*y", more="[domain]\nrotation = 20\n")
-    solver = bind(scene, METHODS[method], 4, 0.1)
+    solver = bind(scene, Numerics(METHODS[method], 4, 0.1))
     state = solver.init()
     assert state.t == 0
     assert np.array_equal(state.x[:, : solver.mesh.xi.shape[1]], solver.mesh.xi)  # corners come first
@@ -69,7 +70,7 @@ def test_the_initial_state_is_the_scenes(method):
 @EVERY
 def test_a_frame_is_the_state_and_its_grid_the_cells(method):
     """Corners, positions, areas and total actin of a frame are those of the state, curved cells included."""
-    solver = bind(scene_of("psi = 300\np = 0.26", a="1 + 0.2*x*y"), METHODS[method], 2, 0.02)
+    solver = bind(scene_of("psi = 300\np = 0.26", a="1 + 0.2*x*y"), Numerics(METHODS[method], 2, 0.02))
     mesh, grid, start = solver.mesh, solver.grid, solver.init()
     assert np.array_equal(grid.cells[:3], mesh.triangles)
     assert np.array_equal(grid.xi[:, : mesh.xi.shape[1]], mesh.xi)
@@ -90,7 +91,7 @@ def test_a_frame_is_the_state_and_its_grid_the_cells(method):
 
 @EVERY
 def test_a_configuration_that_has_turned_over_is_seen(method):
-    solver = bind(scene_of(), METHODS[method], 2, 0.02)
+    solver = bind(scene_of(), Numerics(METHODS[method], 2, 0.02))
     state = solver.init()
     assert solver.check(state).ok
     turned = dataclasses.replace(state, x=state.x[::-1])
@@ -101,7 +102,7 @@ def test_a_configuration_that_has_turned_over_is_seen(method):
 def test_frames_of_curved_cells_are_the_same_polynomials(k):
     """A field of degree k is what it is at the equispaced nodes too; around the centre cells are straight."""
     scene = scene_of(a=f"1 + 0.1*x**{k} - 0.2*y*x**{k - 1}")
-    solver = bind(scene, METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 2, 1)
+    solver = bind(scene, Numerics(METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 2, 1))
     frame, grid = solver.frame(solver.init()), solver.grid
     exact = 1 + 0.1 * grid.xi[0] ** k - 0.2 * grid.xi[1] * grid.xi[0] ** (k - 1)
     inner = np.hypot(*grid.xi) < 0.3
@@ -110,7 +111,7 @@ def test_frames_of_curved_cells_are_the_same_polynomials(k):
 
 def test_steps_land_on_every_output_time():
     scene = load_scene("fig14-four-fronts")
-    refine, dt = numerics(scene)
+    refine, dt = suited(scene)
     assert (refine, dt) == (6, 1.0228e-3)
     assert step_count(dt, (0.1636,)) == 160
     film = play(scene, FEM, 2, 0.0101)
@@ -150,7 +151,7 @@ def test_a_driven_run_ends_where_its_driver_ended():
     scene = scene_of("psi = 7.8e3\np = 0.026", a="1 + 1e-3*cos(x)", end=0.06)
     ends = {}
     for method in (FEM, "fv-driven", "fv-coupled"):
-        film, outcome = film_of(bind(scene, METHODS[method], 3, 0.001), 0.001, scene.output_times)
+        film, outcome = film_of(bind(scene, Numerics(METHODS[method], 3, 0.001)), 0.001, scene.output_times)
         assert outcome.ending is Ending.SINGULAR_DILATION, outcome
         ends[method] = film.last.t
     assert ends["fv-driven"] == ends[FEM]

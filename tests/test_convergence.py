@@ -11,6 +11,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.records import read_record, read_table, write_record
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
@@ -261,9 +262,9 @@ def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
 def test_a_run_whose_file_is_gone_is_made_again_and_no_other(tmp_path, monkeypatch):
     done = []
 
-    def counted(scene, method, refine, dt, path, *more, **options):
+    def counted(scene, numerics, path, *more):
         done.append(path)
-        return run(scene, method, refine, dt, path, *more, **options)
+        return run(scene, numerics, path, *more)
 
     monkeypatch.setattr(stored, "run", counted)
     asked = coarse("static-decay", FEM)
@@ -297,14 +298,14 @@ def test_the_whole_field_of_a_moving_cell_is_stored_to_its_order(method, levels,
     errors = []
     for refine, steps in levels:
         path = tmp_path / f"{refine}.vtkhdf"
-        run(scene, METHODS[method], refine, scene.time.end / steps, path)
+        run(scene, Numerics(METHODS[method], refine, scene.time.end / steps), path)
         errors.append(error_of(scene, read_run(path), Quantity.CONCENTRATION))
     assert local_orders([2, 1], errors)[0] == pytest.approx(METHODS[method].order_h, abs=0.4)
 
 
 def test_a_growth_rate_that_cannot_be_fitted_is_no_number(tmp_path):
     scene = load_scene("mode-0-cell")
-    run(scene, METHODS[FEM], 1, scene.time.end, tmp_path / "one.vtkhdf")  # one step
+    run(scene, Numerics(METHODS[FEM], 1, scene.time.end), tmp_path / "one.vtkhdf")  # one step
     assert np.isnan(error_of(scene, read_run(tmp_path / "one.vtkhdf"), Quantity.GROWTH_RATE))
 
 

@@ -13,6 +13,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_comparison, read_run
 from actin_xcheck.runs.workers import in_turn
@@ -143,7 +144,7 @@ def test_the_contract_holds(owed):
 
 
 def test_a_state_that_is_remembered_goes_on_to_the_same_bits(toy):
-    solver = bind(load_scene(TEN_LINES), toy, 3, 0.02)
+    solver = bind(load_scene(TEN_LINES), Numerics(toy, 3, 0.02))
     state, _ = solver.step(solver.init(), 0.02)
     again = solver.restored({name: value.copy() for name, value in solver.memento(state).items()})
     one, other = (solver.step(start, 0.02)[0] for start in (state, again))
@@ -193,7 +194,7 @@ def test_the_ten_line_scene_comes_out_as_with_finite_elements(among_all):
 
 def test_its_failures_are_values(among_all):
     scene = scene_of("psi = 7.8e3\np = 0.026", a="1 + 1e-3*cos(x)", end=0.06)
-    film, outcome = film_of(bind(scene, METHODS[TOY], 3, 0.001), 0.001, scene.output_times)
+    film, outcome = film_of(bind(scene, Numerics(METHODS[TOY], 3, 0.001)), 0.001, scene.output_times)
     assert outcome.ending is Ending.SINGULAR_DILATION
     assert 0 < film.last.t < 0.06
 
@@ -273,7 +274,7 @@ def test_the_error_of_a_field_is_not_that_of_its_means_for_its_name(twins, tmp_p
     errors = []
     for method in twins:
         path = tmp_path / f"{method.name}.vtkhdf"
-        run(scene, method, 3, 0.05, path)
+        run(scene, Numerics(method, 3, 0.05), path)
         errors.append(l2_error(scene, read_run(path)))
     assert errors[0] == errors[1]
 

@@ -13,6 +13,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.runs.workers import in_turn, work_off
@@ -41,7 +42,7 @@ def verdicts(name, folder, methods=(FEM, FV)):
     scene, runs = load_scene(name), {}
     for method in methods:
         path = folder / f"{method}.vtkhdf"
-        run(scene, METHODS[method], 4, scene.time.end / STEPS[name], path)
+        run(scene, Numerics(METHODS[method], 4, scene.time.end / STEPS[name]), path)
         runs[method] = read_run(path)
     return judge(scene, runs)
 

@@ -8,6 +8,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.resolve import resolve
@@ -120,7 +121,7 @@ def test_auto_agrees_with_full(a, model, method, within, tmp_path):
         reduction = reduced(scene, method, wanted)
         assert (reduction.fidelity is Fidelity.FULL) == (wanted is Fidelity.FULL)
         file = tmp_path / f"{wanted}.vtkhdf"
-        assert run(scene, method, 2, 0.01, file, rtol=rtol, reduction=reduction).ok
+        assert run(scene, Numerics(method, 2, 0.01, rtol, reduction), file).ok
         runs.append(read_run(file))
     assert change(*runs, scene.output_times) < within
     assert runs[0].attributes["fidelity"] == "full"
@@ -133,7 +134,7 @@ def test_a_cell_that_nothing_moves_needs_no_force_balance(method, tmp_path):
     runs = []
     for wanted in (Fidelity.FULL, Fidelity.AUTO):
         file = tmp_path / f"{wanted}.vtkhdf"
-        assert run(scene, method, 3, 0.125, file, reduction=reduced(scene, method, wanted)).ok
+        assert run(scene, Numerics(method, 3, 0.125, reduction=reduced(scene, method, wanted)), file).ok
         runs.append(read_run(file))
     assert np.abs(runs[1].points[-1] - runs[1].xi).max() < 1e-15
     assert change(*runs, scene.output_times) < 8e-3  # P1 and finite volumes on two meshes

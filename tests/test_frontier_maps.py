@@ -14,6 +14,7 @@ from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Line
 from actin_xcheck.report.lattice import colour_of
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
@@ -63,7 +64,7 @@ def test_a_point_is_made_again_by_its_command(report):
     )
     scene = load_scene(folder / words[words.index("run") + 1])
     path = folder / given["--out"]
-    run(scene, METHODS[given["--method"]], int(given["--refine"]), float(given["--dt"]), path)
+    run(scene, Numerics(METHODS[given["--method"]], int(given["--refine"]), float(given["--dt"])), path)
     stored = read_run(path)
     assert len(stored.series["time"]) == row.steps + 1
     assert stored.series["area"][-1] == row.area

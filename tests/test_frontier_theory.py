@@ -7,6 +7,7 @@ import pytest
 
 from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import Amplitude, Corners
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene, parse_scene
@@ -41,7 +42,7 @@ def test_the_codes_amplify_a_mode_as_theory_says(name):
     phi = -(field.factor * field.mode.k**2).real
     matrix = theory.step_matrix(theory.pair_of(method), scene.physics, field.mode.k**2, dt)
     expected = np.linalg.matrix_power(matrix, steps) @ [phi, 1 + phi]
-    solver = bind(scene, method, 4 if method.space == 1 else 3, dt)
+    solver = bind(scene, Numerics(method, 4 if method.space == 1 else 3, dt))
     corners, amplitude = Corners(solver), Amplitude(scene, solver.mesh)
     assert integrate(solver, dt, scene.output_times, corners).ok
     found = amplitude(steps, corners.values[-1]) / amplitude(0, corners.values[0])

@@ -12,6 +12,7 @@ from actin_xcheck.core.mesh import orientation, quadrature_points, signed_areas
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import in_scene_frame
 from actin_xcheck.scene.scene import load_scene
@@ -133,7 +134,7 @@ def test_point_values_stay_of_second_order_on_fine_meshes(name):
 def test_the_balance_holds_for_steps_of_any_length(name):
     """Sum of all rows: m' - m = dt sum_i b_i (k (|Omega_i| - m_i) + S_i)."""
     scene = load_scene(name)
-    solver = bind(scene, METHODS[METHOD], 4, 0.1)
+    solver = bind(scene, Numerics(METHODS[METHOD], 4, 0.1))
     state = solver.init()
     for dt in np.random.default_rng(1).uniform(0.001, 0.06, 12) * scene.time.end:
         state, outcome = solver.step(state, dt)
@@ -142,7 +143,7 @@ def test_the_balance_holds_for_steps_of_any_length(name):
 
 
 def test_the_balance_sees_a_lost_millionth():
-    solver = bind(load_scene("static-decay"), METHODS[METHOD], 3, 0.05)
+    solver = bind(load_scene("static-decay"), Numerics(METHODS[METHOD], 3, 0.05))
     state, _ = solver.step(solver.init(), 0.05)
     spoiled = state.a.copy()
     spoiled[spoiled.size // 2] *= 1 + 1e-6
@@ -163,7 +164,7 @@ def test_uniform_actin_survives_exact_shear_and_rotation():
 
 
 def test_a_step_is_ars_222_written_out_in_plain_matrices():
-    solver = bind(load_scene("fig14-four-fronts"), METHODS[METHOD], 3, 0.01)
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[METHOD], 3, 0.01))
     mesh, faces, mechanics, dt = solver.mesh, solver.faces, solver.mechanics, 0.01
     old, _ = solver.step(solver.init(), dt)
     new, _ = solver.step(old, dt)
@@ -219,7 +220,7 @@ def test_stiff_decay_is_damped_and_not_taken_for_a_large_error(z):
 
 def adaptive(scene, rtol, refine=3):
     """A run with chosen steps, and how many were tried."""
-    solver, tried = bind(scene, METHODS[METHOD], refine, 0.05), 0
+    solver, tried = bind(scene, Numerics(METHODS[METHOD], refine, 0.05)), 0
     step = solver.step
 
     def counted(state, dt):
@@ -268,7 +269,7 @@ def test_prescribed_positions_are_exact_and_no_error_of_theirs_is_estimated():
 
 
 def test_a_step_is_pure_whatever_was_tried_before():
-    solver = bind(load_scene("fig14-four-fronts"), METHODS[METHOD], 3, 0.01)
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[METHOD], 3, 0.01))
     start = solver.init()
     first, outcome = solver.step(start, 0.01)
     assert outcome.ok
@@ -280,7 +281,7 @@ def test_a_step_is_pure_whatever_was_tried_before():
 
 
 def test_a_step_that_is_too_long_fails_as_a_value():
-    solver = bind(load_scene("fig14-four-fronts"), METHODS[METHOD], 3, 0.01)
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[METHOD], 3, 0.01))
     _, outcome = solver.step(solver.init(), 50.0)
     assert outcome.ending in {Ending.TANGLED, Ending.SINGULAR_DILATION}
     assert outcome.message
@@ -290,7 +291,7 @@ def test_singular_dilation_ends_a_run_where_it_ends_the_first_order_one():
     scene = scene_of("psi = 7.8e3\np = 0.026", a="1 + 1e-3*cos(x)", end=0.06)
     ends = []
     for method in (METHOD, FV):
-        film, outcome = film_of(bind(scene, METHODS[method], 3, 5e-4), 5e-4, scene.output_times)
+        film, outcome = film_of(bind(scene, Numerics(METHODS[method], 3, 5e-4)), 5e-4, scene.output_times)
         assert outcome.ending is Ending.SINGULAR_DILATION, outcome
         ends.append(film.last.t)
     assert ends[0] == pytest.approx(ends[1], rel=0.15)
@@ -298,7 +299,7 @@ def test_singular_dilation_ends_a_run_where_it_ends_the_first_order_one():
 
 def sheared_operator(dt):
     """A stage's system on a sheared mesh, with a right-hand side."""
-    solver = bind(load_scene("stirred"), METHODS[METHOD], 4, 0.1)
+    solver = bind(load_scene("stirred"), Numerics(METHODS[METHOD], 4, 0.1))
     x = solver.mesh.xi * (1 + 0.2 * solver.mesh.xi[0]) + 0.4 * solver.mesh.xi[::-1]
     assert orientation(solver.mesh, 0.0, x).ok
     volumes = signed_areas(x, solver.mesh.triangles)

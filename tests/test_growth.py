@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import amplitude_of, bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
@@ -25,10 +26,10 @@ WALL_MODES = [
 
 
 def amplitudes(scene, method, refine, dt):
-    solver = bind(scene, METHODS[method], refine, dt)
+    solver = bind(scene, Numerics(METHODS[method], refine, dt))
     film, outcome = film_of(solver, dt, scene.output_times)
     assert outcome.ok
-    measure = amplitude_of(scene, METHODS[method], solver, refine, dt)
+    measure = amplitude_of(scene, Numerics(METHODS[method], refine, dt), solver)
     values = [measure(step, solver.corners(state)) for step, state in enumerate(film.states)]
     return np.array([state.t for state in film.states]), np.array(values)
 
@@ -116,7 +117,7 @@ def test_the_unperturbed_run_is_subtracted_where_it_moves():
 
 def test_a_rate_that_cannot_be_fitted_is_a_failed_claim_with_its_reason(tmp_path):
     scene = load_scene("mode-11-wall")
-    run(scene, METHODS[FEM], 2, 1.0, tmp_path / "run.vtkhdf")  # one step: nothing to fit
+    run(scene, Numerics(METHODS[FEM], 2, 1.0), tmp_path / "run.vtkhdf")  # one step: nothing to fit
     claims = judge(scene, {FEM: read_run(tmp_path / "run.vtkhdf")})
     failed = [claim for claim in claims if not claim.holds]
     assert len(failed) == 1

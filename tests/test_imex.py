@@ -9,6 +9,7 @@ import pytest
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from fem.tableaux import TABLEAUX
@@ -63,7 +64,7 @@ def test_order_in_dt_of_the_coupled_moving_cell(method):
     Started from data that miss n.grad a_t = 0, the steps of order 4 fall at 3 to 3.7 first.  Pointwise they
     do so still: on a moving rim a pair whose stages are of order 2 loses order where n.grad a = 0 is met.
     """
-    order, solver = METHODS[method].order_dt, bind(MOVING, METHODS[method], 2, 1.0)
+    order, solver = METHODS[method].order_dt, bind(MOVING, Numerics(METHODS[method], 2, 1.0))
     made = after(solver, solver.init(), 0.02, 64)
     ends = [after(solver, made, 0.06, n) for n in ((4, 8, 16, 32) if order == 4 else (8, 16, 32, 64))]
     areas = [np.array([solver.measure(end).area]) for end in ends]
@@ -94,7 +95,7 @@ def test_order_in_h_of_the_viscous_moving_cell(method, levels):
 
 @EVERY
 def test_every_stage_conserves_actin_whatever_the_steps(method):
-    solver, film = bind(MOVING, METHODS[method], 2, 1.0), None
+    solver, film = bind(MOVING, Numerics(METHODS[method], 2, 1.0)), None
     film = Film(solver)
     outcome = integrate(solver, 1.0, (MOVING.time.end,), film, Tolerance(1e-4, METHODS[method].order_dt))
     assert outcome.ok
@@ -107,7 +108,7 @@ def test_a_smaller_tolerance_gives_a_smaller_error(method):
     order, truth = METHODS[method].order_dt, play(MOVING, method, 2, MOVING.time.end / 200).last
 
     def error(rtol):
-        solver = bind(MOVING, METHODS[method], 2, 1.0)
+        solver = bind(MOVING, Numerics(METHODS[method], 2, 1.0))
         film = Film(solver)
         assert integrate(solver, 1.0, (MOVING.time.end,), film, Tolerance(rtol, order)).ok
         return np.abs(film.last.x - truth.x).max()
@@ -136,7 +137,7 @@ def test_a_uniform_cell_without_reaction_stays_uniform_under_shear(method):
 def test_probes_are_where_the_points_are(method):
     """At the start a material point is at its place and reads the initial field there, rim included."""
     scene = scene_of(a="1 + 0.3*sin(x + 2*y)", end=0.1)
-    solver = bind(scene, METHODS[method], 3, 0.1)
+    solver = bind(scene, Numerics(METHODS[method], 3, 0.1))
     points = np.array([[0, 0], [0.4, 0.1], [0.8, 0], [1, 0], [np.cos(1), np.sin(1)], [-0.3, 0.77]]).T
     a, x = solver.probes(points)(solver.init())
     assert np.abs(x.T - points).max() < (1e-12 if "p4" in method else 1e-4)
@@ -149,7 +150,7 @@ def test_a_model_that_breaks_down_ends_with_its_own_outcome():
     """psi = 7.8e3, viscoelastic: 1 + phi reaches 0; the controller follows it down and says so."""
     scene = load_scene("fig18-nonuniform-contraction")
     broken = scene_of("psi = 7.8e3\np = 0.026", a=str(scene.initial.a), end=0.05)
-    solver = bind(broken, METHODS["fem-p2-imex3"], 3, 1.0)
+    solver = bind(broken, Numerics(METHODS["fem-p2-imex3"], 3, 1.0))
     film = Film(solver)
     outcome = integrate(solver, 1.0, broken.output_times, film, Tolerance(1e-4, 3))
     assert outcome.ending is Ending.SINGULAR_DILATION
@@ -166,7 +167,7 @@ def test_a_wrong_weight_is_seen(monkeypatch):
 
 def test_film_and_outcome_of_an_adaptive_run_land_on_the_outputs():
     scene = load_scene("fig14-four-fronts")
-    solver = bind(scene, METHODS["fem-p2-imex3"], 2, 1.0)
+    solver = bind(scene, Numerics(METHODS["fem-p2-imex3"], 2, 1.0))
     film = Film(solver)
     assert integrate(solver, 1.0, scene.output_times, film, Tolerance(1e-3, 3)).ok
     assert [frame.t for frame in film.frames] == [0.0, *scene.output_times]

@@ -114,7 +114,8 @@ def test_fipy_does_not_read_our_command_line(flag):
     statement = (
         "import numpy as np\nfrom fv.mesh import fipy\nfrom actin_xcheck.scene.scene import load_scene\n"
         "from actin_xcheck.runs.run import bind\nfrom actin_xcheck.runs.method import METHODS\n"
-        "solver = bind(load_scene('growing-disk'), METHODS['fv-coupled'], 2, 0.1)\n"
+        "from actin_xcheck.runs.numerics import Numerics\n"
+        "solver = bind(load_scene('growing-disk'), Numerics(METHODS['fv-coupled'], 2, 0.1))\n"
         "assert solver.step(solver.init(), 0.1)[1].ok\nassert fipy.solvers.solver_suite == 'scipy'\n"
         f"assert sys.argv[1] == {flag!r}"
     )

@@ -12,7 +12,8 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.method import find_method
-from actin_xcheck.runs.run import bind, numerics
+from actin_xcheck.runs.numerics import Numerics, suited
+from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
@@ -151,8 +152,8 @@ def test_transport_is_preconditioned_whatever_the_step(space, diffusion, monkeyp
 def test_iterations_stay_few_however_far_a_cell_deforms(name, steps, monkeypatch):
     """Anchors are renewed in time: no factorisation of a step's own matrix, a dozen of anchors' at most."""
     scene = load_scene(name)
-    refine, dt = 3, numerics(scene)[1]
-    solver = bind(scene, find_method("fem-p1-paper"), refine, dt)
+    refine, dt = 3, suited(scene)[1]
+    solver = bind(scene, Numerics(find_method("fem-p1-paper"), refine, dt))
     state, anchors = solver.init(), set()
     applied, factorised = counted(monkeypatch)
     for _ in range(steps):
@@ -168,7 +169,7 @@ def test_iterations_stay_few_however_far_a_cell_deforms(name, steps, monkeypatch
 def test_a_step_depends_on_its_state_alone():
     """Bit by bit: whatever a solver did before, and from positions of the anchor alone."""
     scene = load_scene("fig18-nonuniform-contraction")
-    solver, fresh = (bind(scene, find_method("fem-p1-paper"), 3, 6e-4) for _ in range(2))
+    solver, fresh = (bind(scene, Numerics(find_method("fem-p1-paper"), 3, 6e-4)) for _ in range(2))
     states = [solver.init()]
     for _ in range(40):
         states.append(solver.step(states[-1], 6e-4)[0])

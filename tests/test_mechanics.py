@@ -7,6 +7,7 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from fem.force_balance import ForceBalance
@@ -137,7 +138,7 @@ def test_elasticity_is_implicit():
 
 @pytest.mark.parametrize("method", [FEM, FV, "fv-driven"])
 def test_velocities_are_those_the_nodes_moved_with(method):
-    solver = bind(load_scene("fig14-four-fronts"), METHODS[method], 3, 0.05)
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], 3, 0.05))
     old = solver.init()
     new, _ = solver.step(old, 0.05)
     assert np.allclose(new.v, (new.x - old.x) / 0.05, atol=1e-12)

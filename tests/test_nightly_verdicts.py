@@ -22,6 +22,7 @@ from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import FILE_NAME
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.workers import in_turn as in_this_process
 from actin_xcheck.scene.scene import load_scene
@@ -158,7 +159,7 @@ class Answering:
     bounded: bool = True
 
     def claims(self, folder: Path) -> list[Claim]:
-        run(load_scene("static-decay"), METHODS[FEM], 1, 0.5, folder / "run.vtkhdf")
+        run(load_scene("static-decay"), Numerics(METHODS[FEM], 1, 0.5), folder / "run.vtkhdf")
         return [*self.found]
 
 

@@ -19,6 +19,7 @@ from actin_xcheck.core.mesh import disk, signed_areas
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import RunWriter, read_run, write_comparison
 from actin_xcheck.scene.scene import load_scene
@@ -217,7 +218,7 @@ def test_curved_cells_are_drawn_in_pieces_and_compared_by_their_means(tmp_path: 
     scene = load_scene("fig14-four-fronts")
     runs = []
     for method in ("fem-p4-imex4", "fv-coupled"):
-        run(scene, METHODS[method], 2, 0.05, tmp_path / method)
+        run(scene, Numerics(METHODS[method], 2, 0.05), tmp_path / method)
         runs.append(read_run(tmp_path / method))
     strip = film_strip(runs)
     assert [row.label for row in strip.rows] == [*("fem-p4-imex4", "fv-coupled", "fv-coupled − fem-p4-imex4")]

@@ -17,6 +17,7 @@ from actin_xcheck.runs.checkpoint import Keeper
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.march import Checkpoint, Tolerance, integrate
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
@@ -34,7 +35,8 @@ def test_a_step_from_what_is_remembered_gives_the_same_bits(kind: Kind) -> None:
     """At every state of a run; arrays are contiguous, so that a file can hold them as they are."""
     scene, method = kind.loaded, METHODS[kind.method]
     solver = bind(
-        scene, method, kind.refine, kind.dt, reduction=reduced(scene, method, kind.fidelity, kind.rtol)
+        scene,
+        Numerics(method, kind.refine, kind.dt, reduction=reduced(scene, method, kind.fidelity, kind.rtol)),
     )
     state = solver.init()
     step = kind.dt if kind.rtol is None else scene.output_times[0] / 20
@@ -42,7 +44,10 @@ def test_a_step_from_what_is_remembered_gives_the_same_bits(kind: Kind) -> None:
         memento = solver.memento(state)
         assert all(array.flags.forc for array in memento.values())
         other = bind(
-            scene, method, kind.refine, kind.dt, reduction=reduced(scene, method, kind.fidelity, kind.rtol)
+            scene,
+            Numerics(
+                method, kind.refine, kind.dt, reduction=reduced(scene, method, kind.fidelity, kind.rtol)
+            ),
         )
         again = other.restored({name: array.copy(order="K") for name, array in memento.items()})
         new, outcome = solver.step(state, step)
@@ -79,7 +84,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(kind: Kind, tmp_path: Path)
 def test_steps_depend_on_all_that_a_checkpoint_holds(tmp_path: Path) -> None:
     """Without its pace, or with another anchor, a run goes on to other bits: the tests above can fail."""
     scene, method = load_scene(FRONTS), METHODS["fem-p2-imex3"]
-    solver, tolerance = bind(scene, method, 2, 1.0), Tolerance(1e-4, 3)
+    solver, tolerance = bind(scene, Numerics(method, 2, 1.0)), Tolerance(1e-4, 3)
     kept: list[Checkpoint] = []
 
     def keep(moment: Checkpoint) -> Outcome:
@@ -190,7 +195,7 @@ def test_a_run_goes_on_over_a_new_mesh_to_the_same_bits(tmp_path, monkeypatch):
 
     def go(name, progress=lambda done, total: None, resume=False, remesh=True):
         path, dt = tmp_path / name, scene.time.end / 5
-        return run(scene, method, 2, dt, path, progress=progress, resume=resume, remesh=remesh)
+        return run(scene, Numerics(method, 2, dt, remesh=remesh), path, progress=progress, resume=resume)
 
     assert go("whole.vtkhdf").ok
     with pytest.raises(KeyboardInterrupt):

@@ -13,6 +13,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import UNITS, DimensionalParameters, Parameters, far_from_the_article
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.expression import coordinates
@@ -147,7 +148,7 @@ def test_motions_and_sources_end_with_the_scene():
 @pytest.mark.parametrize("method", ["fem-p1-paper", "fv-coupled", "fv-order2", "fem-p2-imex3"])
 def test_a_motion_whose_formula_ends_is_followed_to_its_end(method, tmp_path):
     scene = parse_scene(MOVING.replace("x0*exp(t)", "x0*(1 + 0.3*t**1.5 + 0.2*(1 - t)**1.5)"), "scene.toml")
-    outcome = run(scene, METHODS[method], 2, 0.05, tmp_path / "run.vtkhdf")
+    outcome = run(scene, Numerics(METHODS[method], 2, 0.05), tmp_path / "run.vtkhdf")
     assert outcome.ok
     film = read_run(tmp_path / "run.vtkhdf")
     assert np.isfinite(film.v).all()

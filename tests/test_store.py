@@ -25,6 +25,7 @@ from actin_xcheck.core.lagrange import order_of, rule
 from actin_xcheck.core.mesh import Mesh, disk, signed_areas
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.runs.store import (
     RUN_ATTRIBUTES,
@@ -139,7 +140,7 @@ def test_vtk_plays_the_film(tmp_path: Path, mesh: Mesh) -> None:
 @pytest.mark.parametrize("k", [2, 3, 4])
 def test_vtk_shows_curved_cells_and_polynomials_on_them(tmp_path: Path, k: int) -> None:
     """VTK's own P_k map gives the disk's area, its own P_k field the integral that `lagrange.py` reads."""
-    solver = bind(scene_of(a="1 + x**2"), METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 3, 1.0)
+    solver = bind(scene_of(a="1 + x**2"), Numerics(METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 3, 1.0))
     path = tmp_path / "run"
     grid, frame = solver.grid, solver.frame(solver.init())
     with RunWriter(path, grid.xi, grid.cells, np.zeros(grid.cells.shape[1]), ATTRIBUTES) as writer:
@@ -175,7 +176,7 @@ def test_vtk_shows_curved_cells_and_polynomials_on_them(tmp_path: Path, k: int) 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_what_is_drawn_of_a_cell_tiles_it(k: int) -> None:
-    solver = bind(scene_of(), METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 2, 1.0)
+    solver = bind(scene_of(), Numerics(METHODS[f"fem-p{k}-imex{min(k + 1, 4)}"], 2, 1.0))
     film = Film(*([np.zeros(1), solver.grid.xi, solver.grid.cells] + [np.zeros(1)] * 6))
     pieces = signed_areas(film.xi, film.triangles)
     assert pieces.min() > 0

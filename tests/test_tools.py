@@ -25,6 +25,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
 from actin_xcheck.runs.export import export
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run as stored_run
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import load_scene
@@ -457,7 +458,7 @@ def test_an_export_of_another_kind_is_one_line(curved: Run, command) -> None:
 def test_scenes_made_in_python_are_run_too(tmp_path: Path) -> None:
     scene = load_scene("static-decay")
     ours = actin_xcheck.run(scene, "fv-coupled", refine=2, dt=0.5, fidelity="full")
-    outcome = stored_run(scene, METHODS["fv-coupled"], 2, 0.5, tmp_path / "f.vtkhdf")
+    outcome = stored_run(scene, Numerics(METHODS["fv-coupled"], 2, 0.5), tmp_path / "f.vtkhdf")
     assert outcome.ok
     assert np.array_equal(actin_xcheck.load(tmp_path / "f.vtkhdf").a_cells, ours.a_cells)
 

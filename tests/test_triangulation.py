@@ -9,6 +9,7 @@ from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_comparison, read_run
 from actin_xcheck.runs.workers import in_turn
@@ -42,7 +43,7 @@ def levels_of(scene, method, folder, refine, steps):
     other = replace(job, method=METHODS[FV if method == FEM else FEM], file="other.vtkhdf")
     levels = [job, *(one for one in companions([job, other]) if one.method is job.method)]
     for one in levels:
-        run(scene, one.method, one.refine, one.dt, folder / one.file)
+        run(scene, Numerics(one.method, one.refine, one.dt), folder / one.file)
     return Levels(job.method, tuple(read_run(folder / one.file) for one in levels))
 
 
@@ -128,7 +129,7 @@ def adaptive_levels(method, refine, rtol, folder):
     part = reduced(scene, chosen, Fidelity.SECTOR)
     levels = [job, *(one for one in companions([job, other]) if one.method is chosen)]
     for one in levels:
-        run(scene, chosen, one.refine, one.dt, folder / one.file, rtol=one.rtol, reduction=part)
+        run(scene, Numerics(chosen, one.refine, one.dt, one.rtol, part), folder / one.file)
     return scene, Levels(chosen, tuple(read_run(folder / one.file) for one in levels))
 
 
@@ -356,7 +357,7 @@ def test_a_fault_in_both_codes_is_called_common(tmp_path, monkeypatch):
 def test_a_method_that_declares_no_order_is_not_judged(tmp_path):
     scene = load_scene("growing-disk")
     path = tmp_path / "t.vtkhdf"
-    run(scene, METHODS["fv-tpfa"], 3, 0.05, path)
+    run(scene, Numerics(METHODS["fv-tpfa"], 3, 0.05), path)
     stalls = Levels(METHODS["fv-tpfa"], (read_run(path),))
     found = triangulate(scene, [levels_of(scene, FEM, tmp_path, 3, 16), stalls])
     assert {one.verdict for one in found} == {"NOT JUDGED"}

@@ -8,6 +8,7 @@ import typer
 
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.runs.workers import in_turn
@@ -52,7 +53,7 @@ probe_a = {}
 def still(tmp_path_factory):
     """A run of a cell at rest, which is 1 everywhere."""
     path = tmp_path_factory.mktemp("still") / "still.vtkhdf"
-    run(parse_scene(SCENE.format("[1.0, 1.0]"), "still.toml"), METHODS[FEM], 2, 0.01, path)
+    run(parse_scene(SCENE.format("[1.0, 1.0]"), "still.toml"), Numerics(METHODS[FEM], 2, 0.01), path)
     return read_run(path)
 
 

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -20,44 +20,53 @@ from actin_xcheck.cli.options import (
 )
 from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.method import METHODS
 
 if TYPE_CHECKING:
     from actin_xcheck.cli.output import RunAnswer
     from actin_xcheck.core.mesh import Mesh
     from actin_xcheck.core.outcome import Outcome
     from actin_xcheck.runs.fidelity import Reduction
+    from actin_xcheck.runs.numerics import Numerics
     from actin_xcheck.scene.scene import Scene
 
 
+SceneWord = Annotated[str, typer.Argument(help="A shipped name or a TOML file, [dimensional] in dyn, cm, s.")]
+MethodWord = Annotated[
+    str,
+    typer.Option(help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own."),
+]
+OutFile = Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")]
+Accuracy = Annotated[
+    float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
+]
+HowMuch = Annotated[
+    Fidelity, typer.Option(help="How much of the model is solved; auto: what the scene needs.")
+]
+MeshFile = Annotated[
+    Path | None,
+    typer.Option("--mesh", help="The cell's outline: triangles in a file meshio reads (.msh, .vtu, ...)."),
+]
+Remesh = Annotated[
+    bool, typer.Option("--remesh", help="Replace the mesh when it is about to fold, and go on.")
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on with an interrupted run; else begin it, or leave it be.")
+]
+
+
 def run_command(
-    scene: Annotated[str, typer.Argument(help="A shipped name or a TOML file, [dimensional] in dyn, cm, s.")],
-    method: Annotated[
-        str,
-        typer.Option(help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own."),
-    ],
-    out_file: Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")],
+    scene: SceneWord,
+    method: MethodWord,
+    out_file: OutFile,
     refine: Refine = None,
     dt: Dt = None,
     rtol: Rtol = None,
-    accuracy: Annotated[
-        float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
-    ] = None,
-    fidelity: Annotated[
-        Fidelity, typer.Option(help="How much of the model is solved; auto: what the scene needs.")
-    ] = Fidelity.AUTO,
-    mesh_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--mesh", help="The cell's outline: triangles in a file meshio reads (.msh, .vtu, ...)."
-        ),
-    ] = None,
-    remesh: Annotated[
-        bool, typer.Option("--remesh", help="Replace the mesh when it is about to fold, and go on.")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with an interrupted run; else begin it, or leave it be.")
-    ] = False,
+    accuracy: Accuracy = None,
+    fidelity: HowMuch = Fidelity.AUTO,
+    mesh_file: MeshFile = None,
+    remesh: Remesh = False,
+    resume: Resume = False,
     force: Force = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -67,13 +76,7 @@ def run_command(
     Ctrl-C ends it after the step, exit code 130; --resume goes on to what it would have been without, to the
     last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
     """
-    from actin_xcheck.cli.output import say
-    from actin_xcheck.cli.progress import Progress
-    from actin_xcheck.core.files import unfinished
-    from actin_xcheck.core.outcome import Ending
-    from actin_xcheck.core.signals import stop_signals
-    from actin_xcheck.runs.fidelity import FULL, reduced
-    from actin_xcheck.runs.run import numerics, run
+    from actin_xcheck.runs.numerics import Asked
     from actin_xcheck.scene.scene import load_scene
     from actin_xcheck.studies.folder import make_folder
 
@@ -81,23 +84,7 @@ def run_command(
     loaded = load_scene(scene)
     if accuracy is not None:
         _check_accuracy(accuracy, method, refine, dt, rtol, resume)
-    elif rtol is not None and not find_method(method).adaptive:
-        adaptive = ", ".join(name for name, known in METHODS.items() if known.adaptive)
-        raise UserError(f"--rtol: {method} takes equal steps; valid with {adaptive}, or --dt instead")
-    if out_file.suffix != ".vtkhdf":
-        raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
-    if out_file.stem.endswith(".partial"):
-        raise UserError(f"--out: {out_file} is where an unfinished run stands; valid: without .partial")
-    if out_file.is_dir():
-        raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
-    if force and resume:
-        raise UserError("--resume goes on with what --force begins again; valid: one of them")
-    if out_file.exists() and not (force or resume):
-        raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
-    if unfinished(out_file).exists() and not (force or resume):
-        raise UserError(
-            f"--out: {unfinished(out_file)} is an interrupted run; valid: --resume, or --force to begin again"
-        )
+    _check_out(out_file, force, resume)
     mesh = None if mesh_file is None else _outline(mesh_file, loaded, accuracy, fidelity, json)
     if remesh:
         _check_remesh(loaded, method, fidelity, mesh_file)
@@ -105,30 +92,29 @@ def run_command(
     warn_of(loaded)
     if accuracy is not None:
         _deliver(loaded, accuracy, out_file, quiet, fidelity, json)
-    chosen = find_method(method)
-    divided = refine or 0
-    refine, dt = numerics(loaded, refine, dt)
-    refine = refine if mesh is None else divided
-    label = f"{loaded.name} · {chosen.name}"
-    reduction = reduced(loaded, chosen, fidelity, rtol) if mesh is None and not remesh else FULL
+    numerics = Asked(method, refine, dt, rtol, fidelity, mesh, remesh).on(loaded)
+    _run(loaded, numerics, out_file, resume, quiet, json)
+
+
+def _run(
+    scene: "Scene", numerics: "Numerics", out_file: Path, resume: bool, quiet: bool, json: bool
+) -> NoReturn:
+    """Run, say how it ended and leave with the exit code."""
+    from actin_xcheck.cli.output import say
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.outcome import Ending
+    from actin_xcheck.core.signals import stop_signals
+    from actin_xcheck.runs.run import run
+
+    label, reduction = f"{scene.name} · {numerics.method.name}", numerics.reduction
     if not json:
         _say(reduction)
     with Progress(quiet) as progress, stop_signals() as stop:
-        outcome = run(
-            loaded,
-            chosen,
-            refine,
-            dt,
-            out_file,
-            command(),
-            lambda done, total: progress.report(label, done, total),
-            rtol,
-            reduction,
-            resume,
-            stop=stop,
-            mesh=mesh,
-            remesh=remesh,
-        )
+
+        def tell(done: int, total: int) -> None:
+            progress.report(label, done, total)
+
+        outcome = run(scene, numerics, out_file, command(), tell, resume, stop)
     if outcome.ending is Ending.INTERRUPTED:
         place = outcome.message.split(";")[0]
         print(f"actin_xcheck: interrupted {place}; to go on: {resuming_command()}", file=sys.stderr)
@@ -138,6 +124,25 @@ def run_command(
     else:
         print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _check_out(out_file: Path, force: bool, resume: bool) -> None:
+    from actin_xcheck.core.files import unfinished
+
+    if out_file.suffix != ".vtkhdf":
+        raise UserError(f"--out: {out_file} does not end in .vtkhdf, by which VTK knows its files")
+    if out_file.stem.endswith(".partial"):
+        raise UserError(f"--out: {out_file} is where an unfinished run stands; valid: without .partial")
+    if out_file.is_dir():
+        raise UserError(f"--out: {out_file} is a folder; valid: a file that ends in .vtkhdf")
+    if force and resume:
+        raise UserError("--resume goes on with what --force begins again; valid: one of them")
+    if force or resume:
+        return
+    if out_file.exists():
+        raise UserError(f"--out: {out_file} exists already; valid: another name, or --force")
+    if (part := unfinished(out_file)).exists():
+        raise UserError(f"--out: {part} is an interrupted run; valid: --resume, or --force to begin again")
 
 
 def _answer(
@@ -210,7 +215,7 @@ def _say(reduction: "Reduction") -> None:
 
 def _deliver(
     scene: "Scene", accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
-) -> None:
+) -> NoReturn:
     """Run to an accuracy, say what was reached and leave with the exit code."""
     from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress

@@ -51,14 +51,14 @@ def sweep_command(
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.outcome import Ending
     from actin_xcheck.runs.executor import jobs_asked
+    from actin_xcheck.runs.numerics import Asked
     from actin_xcheck.studies.folder import make_folder, report_folder
     from actin_xcheck.studies.sweep.carry_out import carry_out, plan
-    from actin_xcheck.studies.sweep.task import Numerics
 
     processes = jobs_asked(jobs, scheduler)
-    numerics = Numerics(method[0], refine, dt, rtol, fidelity)
+    asked = Asked(method[0], refine, dt, rtol, fidelity)
     folder = report_folder(out_dir, "sweep")
-    planned = plan(file, method, numerics, folder, command())
+    planned = plan(file, method, asked, folder, command())
     make_folder(folder)
     with Progress(quiet) as progress:
         table, made = carry_out(planned, processes, scheduler, progress.report)

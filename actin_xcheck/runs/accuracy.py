@@ -18,6 +18,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import METHODS, Method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import Progress
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, annotate, read_run
@@ -129,8 +130,9 @@ def deliver(
         beside = Path(folder) / path.name
 
         def solve(method: Method, refine: int, rtol: float, name: str) -> tuple[Outcome, Run]:
-            file, end = Path(folder) / name, scene.time.end
-            outcome = run(scene, method, refine, end, file, command, progress, rtol, reduction)
+            file = Path(folder) / name
+            numerics = Numerics(method, refine, scene.time.end, rtol, reduction)
+            outcome = run(scene, numerics, file, command, progress)
             return outcome, read_run(file)
 
         reached = _Climb(scene, accuracy, beside, reduction, solve).to_the_finest_needed(levels)

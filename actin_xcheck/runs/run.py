@@ -3,11 +3,12 @@
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
+from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.contract import Mechanics, Problem, Solver, State
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
@@ -15,7 +16,6 @@ from actin_xcheck.core.mesh import Mesh, disk, sector
 from actin_xcheck.core.motion import PrescribedMotion, RecordedMotion
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.checkpoint import Keeper, earlier, taken_up
-from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import (
     FORCE_BALANCE,
@@ -30,19 +30,12 @@ from actin_xcheck.runs.method import (
     find_method,
     load,
 )
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import Amplitude, Corners, Paths, Progress, Recorder
 from actin_xcheck.runs.store import RunWriter, provenance
 from actin_xcheck.scene.outline import refined
 from actin_xcheck.scene.resolve import mode_field, resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene
-
-DEFAULT_REFINE = 5
-"""2113 nodes."""
-
-DEFAULT_STEPS = 100
-
-MOST_STEPS = 1e7
-"""A run of more would not end."""
 
 RAY_DEGREE = 10
 """Of the polynomials on a ray; with 3 elements they are exact to 1e-9 unless contraction is strong."""
@@ -51,33 +44,14 @@ MODAL_ELEMENTS, ANGULAR = 3, 12
 """Elements of the ray and largest angular number of `modal`: its rates are exact to 1e-11."""
 
 
-def numerics(scene: Scene, refine: int | None = None, dt: float | None = None) -> tuple[int, float]:
-    """Mesh refinement and time step: as given, else as published, else 2113 nodes and 100 steps."""
-    published = scene.as_published
-    dt = dt or published.dt or scene.time.end / DEFAULT_STEPS
-    if scene.time.end / dt > MOST_STEPS:
-        raise UserError(
-            f"{scene.origin}: steps of {dt:g} up to {scene.time.end:g}; valid: {MOST_STEPS:g} steps"
-        )
-    return refine or published.refine or DEFAULT_REFINE, dt
-
-
-def bind(
-    scene: Scene,
-    method: Method,
-    refine: int,
-    dt: float,
-    perturbed: bool = True,
-    reduction: Reduction = FULL,
-    mesh: Mesh | None = None,
-    remesh: bool = False,
-) -> Solver:
+def bind(scene: Scene, numerics: Numerics, perturbed: bool = True) -> Solver:
     """Return the method's solver for a scene, on its mesh and with whoever moves the nodes.
 
-    A driven method's driver is run here, in whole, with the same steps of at most dt.  A user's mesh, whose
-    cells are divided `refine` times, stands in the disk's place as it lies; nothing is reduced then.  With
-    `remesh` the whole disk's mesh is replaced when it is about to fold, for methods that `remeshes` knows.
+    A driven method's driver is run here, in whole, with the same steps.  Without `perturbed` it starts
+    without the mode that the scene's growth is measured of.
     """
+    method, refine = numerics.method, numerics.refine
+    reduction, mesh = numerics.reduction, numerics.mesh
     problem = reduction.applied(resolve(scene, perturbed))
     l0, rotation = problem.model.parameters.l0, np.deg2rad(scene.domain.rotation)
     whole = disk(refine, l0, rotation) if mesh is None else refined(mesh, l0, refine)
@@ -87,9 +61,9 @@ def bind(
         return solver
     recorded: Mechanics | None = None
     if problem.motion is None and method.driven_by is not None:
-        driver = bind(scene, find_method(method.driven_by), refine, dt, perturbed, reduction, mesh)
+        driver = bind(scene, replace(numerics, method=find_method(method.driven_by)), perturbed)
         paths = Paths()
-        outcome = integrate(driver, dt, scene.output_times, paths)
+        outcome = integrate(driver, numerics.dt, scene.output_times, paths)
         recorded = RecordedMotion(np.array(paths.times), tuple(paths.moves), outcome)
 
     def spatial(problem: Problem) -> Solver:
@@ -99,7 +73,7 @@ def bind(
         unfolded: Solver = load(SECTOR)(solver_for(problem, method, part), whole)
         return unfolded
 
-    if remesh:
+    if numerics.remesh:
         solver = load(REMESHING)(
             solver_for(problem, method, whole),
             lambda mesh, balance: solver_for(problem, method, mesh, balance),
@@ -122,16 +96,7 @@ def solver_for(problem: Problem, method: Method, mesh: Mesh, mechanics: Mechanic
     return solver
 
 
-def amplitude_of(
-    scene: Scene,
-    method: Method,
-    solver: Solver,
-    refine: int,
-    dt: float,
-    rtol: float | None = None,
-    reduction: Reduction = FULL,
-    mesh: Mesh | None = None,
-) -> Amplitude | None:
+def amplitude_of(scene: Scene, numerics: Numerics, solver: Solver) -> Amplitude | None:
     """What measures the growth of the scene's mode in a run of `solver`; None where it names no mode.
 
     Runs the unperturbed twin first, unless it is the steady state a = 1; UserError where its steps, chosen by
@@ -141,51 +106,39 @@ def amplitude_of(
         return None
     if starts_from_steady_state(scene):
         return Amplitude(scene, solver.mesh)
-    if rtol is not None:
+    if numerics.rtol is not None:
         raise UserError(
             f"{scene.origin}: growth is measured against an unperturbed run, step by step; "
             "valid: --dt without --rtol"
         )
-    twin = bind(scene, method, refine, dt, perturbed=False, reduction=reduction, mesh=mesh)
+    twin = bind(scene, replace(numerics, remesh=False), perturbed=False)
     corners = Corners(twin)
-    integrate(twin, dt, scene.output_times, corners)
+    integrate(twin, numerics.dt, scene.output_times, corners)
     return Amplitude(scene, solver.mesh, corners.values)
 
 
 def run(
     scene: Scene,
-    method: Method,
-    refine: int,
-    dt: float,
+    numerics: Numerics,
     path: Path,
     command: str = "",
     progress: Progress = lambda done, total: None,
-    rtol: float | None = None,
-    reduction: Reduction = FULL,
     resume: bool = False,
     stop: Callable[[], int] = lambda: 0,
-    mesh: Mesh | None = None,
-    remesh: bool = False,
 ) -> Outcome:
-    """Run a scene with a method and store everything about it.
+    """Run a scene and store everything about it.
 
     While it lasts, and if it is killed, `unfinished(path)` holds its last checkpoint, see `Keeper`.
 
     Parameters
     ----------
-    scene, method : physics and numerics.
-    refine : the mesh has 2**refine layers.
-    dt : the largest time step.
+    scene, numerics : what is run, and how.
     path : the `.vtkhdf` file to write (replaced atomically where it exists).
     command : what reproduces the run.
     progress : called after every step.
-    rtol : largest local error of a step, for an adaptive method; None for equal steps.
-    reduction : how much of the model is solved, see `fidelity.reduced`.
     resume : whether to go on from the checkpoint that an interrupted run of the same kind has left, to the
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
     stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
-    mesh : the user's, instead of the disk; `refine` divides its cells then, and the file names it.
-    remesh : whether the mesh is replaced when it is about to fold; the series counts how often.
 
     Returns
     -------
@@ -196,13 +149,7 @@ def run(
     UserError : the file cannot be written, another process writes it, or `resume` finds another run there.
     """
     began = time.perf_counter()
-    attributes = _attributes(scene, method, refine, dt, command) | {
-        "rtol": np.nan if rtol is None else rtol,
-        "fidelity": str(reduction.fidelity),
-        "left_out": json.dumps(reduction.left_out),
-        "mesh": "" if mesh is None else mesh.origin,
-        "remesh": int(remesh),
-    }
+    attributes = _attributes(scene, numerics, command)
     # what overflows in a run ends as its Outcome
     with locked(path), np.errstate(all="ignore"):
         before = earlier(path, attributes) if resume else None
@@ -211,26 +158,32 @@ def run(
             return Outcome(ending, before.attributes["message"] or f"{path} was finished before")
         began -= before.attributes["wall_seconds"] if before else 0.0
         goes_on, before = before is not None, None  # its film is large
-        solver = bind(scene, method, refine, dt, reduction=reduction, mesh=mesh, remesh=remesh)
+        solver = bind(scene, numerics)
         if not hasattr(solver, "memento"):
             raise UserError(
-                f"--method {method.name}: its solver lacks memento and restored; valid: with both"
+                f"--method {numerics.method.name}: its solver lacks memento and restored; valid: with both"
             )
-        amplitude = amplitude_of(scene, method, solver, refine, dt, rtol, reduction, mesh)
-        delta = scene.physics.delta_on_cells(solver.mesh.centroids)
-        grid, tolerance = solver.grid, None if rtol is None else Tolerance(rtol, method.order_dt)
+        amplitude = amplitude_of(scene, numerics, solver)
+        delta, grid = scene.physics.delta_on_cells(solver.mesh.centroids), solver.grid
         with RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer:
             recorder = Recorder(scene, solver, writer, amplitude, progress)
             begin = taken_up(solver, writer) if goes_on else None
             recorder.last = begin.state if begin else None
             keeper = Keeper(solver, writer, began, stop)
-            outcome = integrate(solver, dt, scene.output_times, recorder, tolerance, begin, keeper)
-            can_remesh = remeshes(method) and mesh is None and scene.motion is None and not remesh
-            if outcome.ending is Ending.TANGLED and can_remesh:
+            outcome = integrate(
+                solver, numerics.dt, scene.output_times, recorder, tolerance_of(numerics), begin, keeper
+            )
+            can_remesh = remeshes(numerics.method) and numerics.mesh is None and not numerics.remesh
+            if outcome.ending is Ending.TANGLED and can_remesh and scene.motion is None:
                 outcome = _told(outcome, solver, recorder.last)
             if outcome.ending is not Ending.INTERRUPTED:
                 writer.finish(outcome, time.perf_counter() - began)
     return outcome
+
+
+def tolerance_of(numerics: Numerics) -> Tolerance | None:
+    """What its steps are chosen by; None where they are equal."""
+    return None if numerics.rtol is None else Tolerance(numerics.rtol, numerics.method.order_dt)
 
 
 def remeshes(method: Method) -> bool:
@@ -247,11 +200,9 @@ def _told(outcome: Outcome, solver: Solver, last: State | None) -> Outcome:
     return outcome if worn.ok else Outcome(outcome.ending, f"{worn.message}: {outcome.message}")
 
 
-def _attributes(
-    scene: Scene, method: Method, refine: int, dt: float, command: str
-) -> dict[str, str | int | float]:
+def _attributes(scene: Scene, numerics: Numerics, command: str) -> dict[str, str | int | float]:
     """How the numbers of a run were made."""
-    versions = provenance()
+    versions, method, reduction = provenance(), numerics.method, numerics.reduction
     attributes: dict[str, str | int | float] = {
         "scene": scene.text,
         "scene_name": scene.name,
@@ -260,11 +211,16 @@ def _attributes(
         "method_name": method.name,
         "family": method.family,
         "command": command,
-        "refine": refine,
-        "dt": dt,
+        "refine": numerics.refine,
+        "dt": numerics.dt,
         "seed": 0,  # nothing random enters: the article's rnd is a number in the scene
         "versions": json.dumps(versions),
         "commit": versions["commit"],
+        "rtol": np.nan if numerics.rtol is None else numerics.rtol,
+        "fidelity": str(reduction.fidelity),
+        "left_out": json.dumps(reduction.left_out),
+        "mesh": "" if numerics.mesh is None else numerics.mesh.origin,
+        "remesh": int(numerics.remesh),
     }
     if scene.mode is not None:
         rate = mode_field(scene, *scene.mode).rate

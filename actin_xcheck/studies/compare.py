@@ -9,7 +9,7 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.runs import store
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
-from actin_xcheck.runs.run import numerics
+from actin_xcheck.runs.numerics import suited
 from actin_xcheck.runs.workers import Report, work_off
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Stored, run_stored
@@ -41,7 +41,7 @@ def jobs_of(
     """
     jobs = []
     for scene in scenes:
-        _, step = numerics(scene, refine, dt)
+        _, step = suited(scene, refine, dt)
         for method in methods:
             file = f"{scene.name}--{method.name}.vtkhdf"
             tolerance = rtol if method.adaptive else None

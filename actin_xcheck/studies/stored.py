@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import Progress
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
@@ -35,6 +34,11 @@ class Stored:
     file: str
     rtol: float | None = None
     scene_file: str = ""
+
+    @property
+    def numerics(self) -> Numerics:
+        """How it is run: the whole model, on the disk."""
+        return Numerics(self.method, self.refine, self.dt, self.rtol)
 
     @property
     def seconds(self) -> float:
@@ -72,16 +76,7 @@ def run_stored(job: Stored, folder: Path, progress: Progress = lambda done, tota
         make_folder(scene_path.parent)
         replace_file(scene_path, job.scene.text.encode())
         origin = str(scene_path)
-    made = command(
-        "run",
-        origin,
-        method=job.method.name,
-        refine=job.refine,
-        dt=job.dt,
-        rtol=job.rtol,
-        fidelity=Fidelity.FULL,
-        out=path.name,
-    )
+    made = job.numerics.command(origin, path.name)
     began = time.perf_counter()
-    outcome = run(job.scene, job.method, job.refine, job.dt, path, made, progress, rtol=job.rtol)
+    outcome = run(job.scene, job.numerics, path, made, progress)
     return Ran(str(outcome.ending), outcome.message, time.perf_counter() - began)

@@ -12,6 +12,7 @@ from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.runs.fidelity import reduced
 from actin_xcheck.runs.machine import forget_peak, peak_memory
 from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import PARTS
 from actin_xcheck.runs.run import bind
 from actin_xcheck.runs.workers import Report
@@ -182,14 +183,15 @@ def _timed(scene: Scene, point: Point, report: Report) -> _Timed:
     tolerance = None if point.rtol is None else Tolerance(point.rtol, method.order_dt)
     began = time.perf_counter(), time.process_time()
     reduction = reduced(scene, method, point.fidelity, point.rtol)
-    solver = _Counted(bind(scene, method, point.refine, point.dt, reduction=reduction))
+    numerics = Numerics(method, point.refine, point.dt, point.rtol, reduction)
+    solver = _Counted(bind(scene, numerics))
     outcome = integrate(solver, point.dt, scene.output_times, watch, tolerance)
     wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
     return _Timed(wall, cpu, dict(WORK), watch, solver, outcome)
 
 
 def _warm_up(scene: Scene, point: Point) -> None:
-    solver = bind(scene, point.method, 1, scene.time.end)
+    solver = bind(scene, Numerics(point.method, 1, scene.time.end))
     state = solver.init()
     if solver.check(state).ok:
         # a driven method knows where the nodes are after the steps of its driver alone

@@ -8,10 +8,10 @@ smaller steps, for no rule knows where a scene has its errors.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.fidelity import Fidelity, Reduction
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS, Method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
 
 REFINES = {True: (2, 3, 4, 5, 6), False: (1, 2, 3, 4, 5)}
@@ -76,16 +76,8 @@ class Point:
 
     def command(self, scene: Scene) -> str:
         """The command that makes this run again."""
-        return command(
-            "run",
-            scene.origin,
-            method=self.method.name,
-            refine=self.refine,
-            dt=self.dt,
-            rtol=self.rtol,
-            fidelity=self.fidelity,
-            out=f"{self.key}.vtkhdf",
-        )
+        numerics = Numerics(self.method, self.refine, self.dt, self.rtol, Reduction(self.fidelity))
+        return numerics.command(scene.origin, f"{self.key}.vtkhdf")
 
 
 def ladder(scene: Scene, method: Method, quick: bool = False) -> list[Point]:

@@ -10,6 +10,7 @@ import tomli_w
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.closures.rims import Rims, mean_radius
@@ -109,7 +110,7 @@ def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:
 def _rims(asked: Ripples, m: int) -> Array:
     """The rim (n_states, 2, n) of a run with the ripple m."""
     scene = rippled(asked.closure, asked.advancing, m)
-    solver = bind(scene, find_method(asked.method), asked.refine, DT)
+    solver = bind(scene, Numerics(find_method(asked.method), asked.refine, DT))
     rims = Rims(solver)
     outcome = integrate(solver, DT, scene.output_times, rims)
     if not outcome.ok:

@@ -16,10 +16,9 @@ import tomli_w
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.closures.rims import Rims, distance, mean_radius, roughness
@@ -72,6 +71,11 @@ class Course:
         return load_scene(self.scene).time.end / self.steps
 
     @property
+    def numerics(self) -> Numerics:
+        """How its scene is run."""
+        return Numerics(find_method(self.method), self.refine, self.dt)
+
+    @property
     def seconds(self) -> float:
         """About what it takes."""
         method = find_method(self.method)
@@ -86,15 +90,7 @@ class Course:
     @property
     def command(self) -> str:
         """The command that makes the run again, in the report's folder."""
-        return command(
-            "run",
-            self.file,
-            method=self.method,
-            refine=self.refine,
-            dt=self.dt,
-            fidelity=Fidelity.FULL,
-            out=f"{self.key}.vtkhdf",
-        )
+        return self.numerics.command(self.file, f"{self.key}.vtkhdf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +164,7 @@ def follow(course: Course, folder: Path) -> Rim:
     scene, file = scene_of(course), folder / course.file
     file.parent.mkdir(exist_ok=True)
     replace_file(file, scene.text.encode())
-    solver = bind(scene, find_method(course.method), course.refine, course.dt)
+    solver = bind(scene, course.numerics)
     rims = Rims(solver)
     with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
         outcome = integrate(solver, course.dt, scene.output_times, rims)

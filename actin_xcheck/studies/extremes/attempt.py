@@ -13,6 +13,7 @@ from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import Tolerance, checked_step, integrate
 from actin_xcheck.runs.method import SHAPES, SOUNDNESS, load
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, solver_for
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import Scene
@@ -168,7 +169,8 @@ def _solver(trial: Trial, scene: Scene) -> Solver:
     """On the whole disk where the mesh may be replaced or lose its symmetry, else on the smallest part."""
     method, whole = trial.level.of, trial.remesh or trial.epsilon or trial.level.of.family != "fem"
     reduction = FULL if whole else reduced(scene, method, Fidelity.SECTOR)
-    return bind(scene, method, trial.level.refine, scene.time.end, reduction=reduction, remesh=trial.remesh)
+    numerics = Numerics(method, trial.level.refine, scene.time.end, reduction=reduction, remesh=trial.remesh)
+    return bind(scene, numerics)
 
 
 def _twin(trial: Trial, scene: Scene) -> Solver:

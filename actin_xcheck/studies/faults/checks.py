@@ -13,6 +13,7 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.runs.workers import Report
@@ -189,7 +190,7 @@ class Reduced:
     def _run(self, scene: Scene, folder: Path, reduction: Reduction) -> Run:
         path = folder / f"{reduction.fidelity}.vtkhdf"
         dt, method = scene.time.end / self.steps, find_method(self.method)
-        run(scene, method, self.refine, dt, path, again(self), rtol=self.rtol, reduction=reduction)
+        run(scene, Numerics(method, self.refine, dt, self.rtol, reduction), path, again(self))
         return read_run(path)
 
 
@@ -225,7 +226,7 @@ class Tolerated:
         runs = []
         for rtol in (self.rtol, self.rtol / self.smaller):
             path = folder / f"{rtol:g}.vtkhdf"
-            run(scene, method, self.refine, scene.time.end, path, again(self), rtol=rtol)
+            run(scene, Numerics(method, self.refine, scene.time.end, rtol), path, again(self))
             runs.append(read_run(path))
         return [*judge(scene, {self.method: runs[0]}), keeps_tolerance(scene, self.method, *runs)]
 

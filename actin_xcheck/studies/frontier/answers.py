@@ -15,6 +15,7 @@ from actin_xcheck.runs.accuracy import LEVELS, Level, estimated
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import parse_scene
@@ -185,7 +186,7 @@ def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | No
     began = time.perf_counter()
     scene, chosen, last = parse_scene(text, "a point of the plane"), find_method(method), _Last()
     step = dt or scene.time.end
-    solver = bind(scene, chosen, refine, step)
+    solver = bind(scene, Numerics(chosen, refine, step))
     tolerance = None if rtol is None else Tolerance(rtol, chosen.order_dt)
     with np.errstate(all="ignore"):  # what is not finite ends a run as a value
         outcome: Outcome = integrate(solver, step, scene.output_times, last, tolerance)

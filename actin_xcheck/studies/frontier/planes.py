@@ -14,8 +14,8 @@ import tomli_w
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import Method, find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.dispersion import sigma_prime
 
@@ -125,15 +125,8 @@ class Point:
     @property
     def command(self) -> str:
         """What makes the run again, from the folder of the report."""
-        return command(
-            "run",
-            self.file,
-            method=self.method,
-            refine=self.refine,
-            dt=self.dt,
-            fidelity="full",
-            out="point.vtkhdf",
-        )
+        numerics = Numerics(find_method(self.method), self.refine, self.dt)
+        return numerics.command(self.file, "point.vtkhdf")
 
 
 def plane_of(name: str, method: Method) -> Plane:

@@ -14,9 +14,9 @@ import numpy as np
 
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import find_method
-from actin_xcheck.runs.run import numerics, run
+from actin_xcheck.runs.numerics import Asked, suited
+from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import reading
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code
 from actin_xcheck.scene.scene import parse_scene
@@ -32,23 +32,12 @@ Row = Mapping[str, str | float]
 
 
 @dataclass(frozen=True)
-class Numerics:
-    """Everything numerical about a run, as it was asked for; None as for the command `run`."""
-
-    method: str
-    refine: int | None = None
-    dt: float | None = None
-    rtol: float | None = None
-    fidelity: Fidelity = Fidelity.AUTO
-
-
-@dataclass(frozen=True)
 class Task:
     """A run to be made: a scene (TOML) and where that comes from, numerics, the folder, code and command."""
 
     text: str
     origin: str
-    numerics: Numerics
+    numerics: Asked
     folder: Path
     code: str
     command: str
@@ -67,7 +56,7 @@ class Task:
 
     def check(self) -> None:
         """Raise UserError where the scene is none, or cannot be run like this."""
-        numerics(parse_scene(self.text, self.origin), self.numerics.refine, self.numerics.dt)
+        suited(parse_scene(self.text, self.origin), self.numerics.refine, self.numerics.dt)
 
 
 def work(task: Task) -> Row:
@@ -88,26 +77,12 @@ def work(task: Task) -> Row:
 
 
 def _run(task: Task) -> None:
-    scene, asked = parse_scene(task.text, task.origin), task.numerics
-    method = find_method(asked.method)
-    refine, dt = numerics(scene, asked.refine, asked.dt)
-    rtol = asked.rtol if method.adaptive else None
-    reduction = reduced(scene, method, asked.fidelity, rtol)
+    scene = parse_scene(task.text, task.origin)
+    numerics = task.numerics.on(scene)
     task.path.unlink(missing_ok=True)  # what is there is not whole
     for resume in (True, False):  # a lost worker's checkpoint is of use to a machine like its own only
         try:
-            run(
-                scene,
-                method,
-                refine,
-                dt,
-                task.path,
-                task.command,
-                lambda done, total: None,
-                rtol,
-                reduction,
-                resume,
-            )
+            run(scene, numerics, task.path, task.command, resume=resume)
             return
         except UserError:
             if not resume:
