@@ -21,7 +21,7 @@ from actin_xcheck.studies.theory.regions import (
     maps,
 )
 from actin_xcheck.studies.theory.sheets import errata_sheet
-from actin_xcheck.theory.borders import at, cell_branches, prove
+from actin_xcheck.theory.borders import cell_branches, prove
 from actin_xcheck.theory.dispersion import Version, growth_rates, sigma_prime
 from actin_xcheck.theory.exact import DiskModes
 from actin_xcheck.theory.modes import Mode, modes_below, wavenumber
@@ -82,7 +82,7 @@ def test_at_p_080_the_text_starts_its_walk_inside_the_damped_region(planes):
 def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(planes, version):
     one = planes["printed" if version is Version.AS_PRINTED else "corrected"]
     for psi, p in pixels(1, 300, 1.74 if version is Version.AS_PRINTED else SOFT):
-        model = at(plane(Closure.IRROTATIONAL_WALL), psi, p)
+        model = plane(Closure.IRROTATIONAL_WALL).varied(psi=psi, p=p)
         leading = {
             mode: growth_rates(model, mode.k**2, version)[0] for mode in modes_below(9.0) if mode.k > 0
         }
@@ -97,7 +97,7 @@ def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(planes, version):
 def compare_with_the_argument_principle(one, closure, seed, count):
     for psi, p in pixels(seed, count, SOFT):
         row = np.argmin(np.abs(one.y - p))
-        model = at(plane(closure), psi, p)
+        model = plane(closure).varied(psi=psi, p=p)
         here = name(one, psi, p)
         for m in range(5):
             pairs = sum(line.x[row] < psi for line in one.borders if line.label == f"m = {m}, Re λ = 0")
@@ -130,11 +130,11 @@ def test_borders_are_thresholds_and_double_roots(planes, closure, m):
     p = float(one.y[row])
     neutral = border(one, f"m = {m}, Re λ = 0")[row]
     for factor, growing in ((1 - 1e-8, 0), (1 + 1e-8, 2)):
-        assert DiskModes(at(plane(closure), factor * neutral, p), m).count(0.0) == growing
+        assert DiskModes(plane(closure).varied(psi=factor * neutral, p=p), m).count(0.0) == growing
     row = 255  # p = 1.11, where borders bend
     double = border(one, f"m = {m} becomes real")[row]
     for factor, pair in ((1 - 1e-5, True), (1 + 1e-5, False)):
-        rates = DiskModes(at(plane(closure), factor * double, float(one.y[row])), m).rates(0.0)
+        rates = DiskModes(plane(closure).varied(psi=factor * double, p=float(one.y[row])), m).rates(0.0)
         assert np.iscomplex(rates).all() == pair
 
 
@@ -143,7 +143,7 @@ def test_a_soft_cell_has_infinitely_many_growing_modes(planes, version):
     one = planes[version]
     infinite = one.names.index(INFINITE)
     assert np.array_equal(one.codes == infinite, np.repeat(one.y[:, None] > SOFT, len(one.x), axis=1))
-    soft = at(plane(Closure.REFERENCE_NORMAL), 1.0, SOFT + 1e-3)
+    soft = plane(Closure.REFERENCE_NORMAL).varied(psi=1.0, p=SOFT + 1e-3)
     assert max(DiskModes(soft, 1).boundary_points().values()) > 0
     assert INFINITE not in {planes["printed"].names[code] for code in np.unique(planes["printed"].codes)}
 

@@ -17,7 +17,7 @@ from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.method import FORCE_BALANCE, load
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
-from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.rows import ROWS
@@ -29,7 +29,7 @@ from actin_xcheck.studies.audit.simulations.readouts import (
     mode_share,
     rim_excess,
 )
-from actin_xcheck.studies.audit.simulations.studies import FEM, Evidence, Limit, Study, changed
+from actin_xcheck.studies.audit.simulations.studies import FEM, Evidence, Limit, Study
 from actin_xcheck.studies.audit.simulations.translation import UnprojectedKrylov
 from actin_xcheck.studies.audit.study import Entry, paper
 from actin_xcheck.studies.stored import run_stored
@@ -78,15 +78,15 @@ def test_the_limit_is_extrapolated_and_its_uncertainty_covers_what_is_left(monke
     assert abs(found.value - 2.0) < found.uncertainty < 0.05
 
 
-def test_a_changed_scene_keeps_its_physics_and_expects_nothing():
+def test_a_varied_scene_keeps_its_physics_and_expects_nothing():
     scene = load_scene("fig14-four-fronts")
     changes = (("model.closure", "traction-free"), ("time.outputs", (0.01, 0.1)), ("time.end", 0.1))
-    text = changed(scene, "other", changes)
-    other = parse_scene(text, "other.toml")
+    study = Study("fig14-four-fronts", "other", "", changes, FEM, ((2, 0.1),))
+    other = study.jobs()[2, 0.1].scene
     assert other.physics.closure is Closure.TRACTION_FREE
     assert other.parameters == scene.parameters
     assert other.output_times == (0.01, 0.1)
-    assert "expect" not in tomllib.loads(text)
+    assert "expect" not in tomllib.loads(other.text)
 
 
 def test_a_case_is_run_as_published_by_both_codes_and_under_every_reading():

@@ -1,7 +1,7 @@
 import pickle
 import re
 import tomllib
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import listed, scene_text, shipped_scenes
+from actin_xcheck.scene.tables import Expect
 
 GOOD = """
 name = "mine"
@@ -335,6 +336,25 @@ def test_scenes_are_loaded_from_files(tmp_path):
     assert load_scene(path).name == load_scene(str(path)).name == "mine"
     assert load_scene(path).origin == str(path)
     assert scene_text(path) == GOOD
+
+
+def test_a_scene_with_other_values_is_checked_like_any():
+    scene = load_scene("fig14-four-fronts")
+    other = scene.varied({"parameters.psi": 3.0, "model.closure": "traction-free", "expect": None})
+    assert other.parameters == replace(scene.parameters, psi=3.0)
+    assert other.physics.closure == "traction-free"
+    assert other.expect == Expect()
+    assert other.initial == scene.initial
+    assert other.origin == scene.origin
+    assert scene.varied({}).text == scene.varied({"dimensional.psi": None}).text
+    for changes, said in {
+        ("parameters.ps", 3.0): "unknown key parameters.ps (did you mean psi?); valid keys are psi, p, d",
+        ("parameters.psi", -1.0): "parameters.psi = -1.0: should be greater than or equal to 0",
+        ("parameters.psi.a", 1.0): "parameters.psi.a: psi is no table; valid: a key of a table",
+        ("parameters.psi", None): "parameters.psi is missing; required keys are psi, p",
+    }.items():
+        with pytest.raises(UserError, match=f"^fig14-four-fronts: {re.escape(said)}"):
+            scene.varied(dict([changes]))
 
 
 def test_files_that_are_no_scenes(tmp_path):

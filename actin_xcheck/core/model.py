@@ -4,7 +4,8 @@ Nothing here knows of meshes.  Functions are plain arithmetic on arrays of any s
 non-dimensional.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,11 @@ class Model:
     closure: Closure = Closure.REFERENCE_NORMAL
     delta: Delta = Delta.RING
     reaction: bool = True
+
+    def varied(self, **changes: Any) -> "Model":
+        """Return the model with other parameters and switches, by name: model.varied(psi=3.0)."""
+        switches = {name: changes.pop(name) for name in [*changes] if name in _SWITCHES}
+        return replace(self, parameters=replace(self.parameters, **changes), **switches)
 
     def viscous_moduli(self) -> tuple[float, float]:
         """(mu1, mu2) of sigma_v = mu1 eps(v) + mu2 (div v) I (2.3)."""
@@ -62,3 +68,6 @@ class Model:
     def delta_on_rim(self) -> float:
         """Delta as the boundary integral of f sees it."""
         return 0.0 if self.delta is Delta.NONE else 1.0
+
+
+_SWITCHES = {one.name for one in fields(Model)} - {"parameters"}

@@ -43,8 +43,7 @@ class Reduction:
             still = Motion(lambda xi, t: xi + start(xi), lambda xi, t: np.zeros_like(xi))
             problem = replace(problem, motion=still)
         if self.ring_free:  # on 1/2 every mesh has a layer without being bent
-            parameters = replace(problem.model.parameters, l0=0.5)
-            problem = replace(problem, model=replace(problem.model, parameters=parameters))
+            problem = replace(problem, model=problem.model.varied(l0=0.5))
         return problem
 
 

@@ -3,7 +3,7 @@
 import re
 import reprlib
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args
@@ -16,7 +16,7 @@ from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import IN_UNITS, UNITS, DimensionalParameters, Parameters
 from actin_xcheck.scene.expression import Expression
-from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene
+from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene, varied
 from actin_xcheck.scene.tables import (
     AsPublished,
     DimensionalTable,
@@ -241,6 +241,21 @@ class Scene(Table):
         """(m, n) of the mode whose growth is measured: the expected one, else the one it starts with."""
         mode = self.expect.growth_rate or self.initial.eigenmode
         return (mode.m, mode.n) if mode else None
+
+    def varied(self, changes: Mapping[str, Any], origin: str = "") -> "Scene":
+        """Return the scene with other values, as scene.varied({"parameters.psi": 3.0, "expect": None}).
+
+        Parameters
+        ----------
+        changes : by the dotted keys of its TOML; None leaves a value or a whole table out.
+        origin : where the other scene is found; else this one's.
+
+        UserError as `parse_scene`: it names the key, what was given and what is valid.
+        """
+        import tomli_w
+
+        origin = origin or self.origin
+        return parse_scene(tomli_w.dumps(varied(tomllib.loads(self.text), changes, origin)), origin)
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

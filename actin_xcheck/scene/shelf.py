@@ -2,11 +2,11 @@
 
 import stat
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from actin_xcheck.core.choices import Closure, Delta, Rheology
 from actin_xcheck.core.errors import UserError, brief
@@ -84,6 +84,34 @@ def read_scene(name_or_path: str | Path) -> tuple[str, str]:
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"{origin}: cannot be read ({reason}); valid is the path of a TOML file") from None
+
+
+def varied(table: Mapping[str, Any], changes: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Return a scene's table with other values, unchecked.
+
+    Parameters
+    ----------
+    table : as TOML gives it; it stays as it is.
+    changes : by dotted key, as {"parameters.psi": 3.0}; None leaves a value or a whole table out.
+    origin : where the scene comes from, for the UserError that a key within what is no table raises.
+    """
+    changed = dict(table)
+    for key, value in changes.items():
+        *above, last = key.split(".")
+        at = changed
+        for name in above:
+            if value is None and name not in at:
+                break
+            if not isinstance(within := at.get(name, {}), dict):
+                raise UserError(f"{origin}: {brief(key)}: {brief(name)} is no table; valid: a key of a table")
+            at[name] = dict(within)
+            at = at[name]
+        else:
+            if value is None:
+                at.pop(last, None)
+            else:
+                at[last] = value
+    return changed
 
 
 def did_you_mean(given: str, valid: Iterable[str]) -> str:

@@ -36,11 +36,7 @@ class Term:
 
 
 def _model(**changes: Any) -> Callable[[Problem], Problem]:
-    return lambda problem: replace(problem, model=replace(problem.model, **changes))
-
-
-def _parameters(**changes: float) -> Callable[[Problem], Problem]:
-    return lambda problem: _model(parameters=replace(problem.model.parameters, **changes))(problem)
+    return lambda problem: replace(problem, model=problem.model.varied(**changes))
 
 
 def _prescribed(problem: Problem) -> str:
@@ -77,7 +73,7 @@ TERMS = (
         "[parameters] psi = 0",
         lambda problem: problem.model.parameters.psi != 0,
         _prescribed,
-        _parameters(psi=0.0),
+        _model(psi=0.0),
     ),
     Term(
         "pressure",
@@ -85,7 +81,7 @@ TERMS = (
         "[parameters] p = 0",
         lambda problem: problem.model.parameters.p != 0,
         _prescribed,
-        _parameters(p=0.0),
+        _model(p=0.0),
     ),
     Term(
         "the share of polymerisation in the pressure",
@@ -125,7 +121,7 @@ TERMS = (
         "[parameters] d = 0",
         lambda problem: problem.model.parameters.d != 0,
         _always,
-        _parameters(d=0.0),
+        _model(d=0.0),
     ),
     Term(
         "reaction",

@@ -47,21 +47,16 @@ class Branch:
     real: Array
 
 
-def at(model: Model, psi: float, p: float) -> Model:
-    """The model at another place of the plane."""
-    return replace(model, parameters=replace(model.parameters, psi=psi, p=p))
-
-
 def stiffnesses(model: Model, p: Array, version: Version = Version.CORRECTED) -> Array:
     """Return e (n_p,) at pressures p; where it is not positive, infinitely many modes grow for every psi."""
-    return np.array([stiffness(at(model, 0.0, float(x)), version) for x in p])
+    return np.array([stiffness(model.varied(psi=0.0, p=float(x)), version) for x in p])
 
 
 def wall_branches(
     model: Model, p: Array, psi_max: float, version: Version = Version.CORRECTED
 ) -> list[Branch]:
     """Return the modes of (3.6) that grow somewhere below psi_max with p among p (n_p,), by wave number."""
-    crit = max(k2_crit(at(model, psi_max, float(x)), version) for x in p)
+    crit = max(k2_crit(model.varied(psi=psi_max, p=float(x)), version) for x in p)
     modes = [mode for mode in modes_below(float(np.sqrt(max(crit, 0.0)))) if mode.k > 0]
     return [_closed_form(str(mode), mode, model, p, version) for mode in modes]
 
@@ -97,7 +92,7 @@ def prove(branches: list[Branch], model: Model, p: Array, psi_max: float) -> Non
     stiff = np.flatnonzero(stiffnesses(model, p) > 0)
     for row in {*stiff[::20].tolist(), int(stiff[-1])}:
         for m in range(max((one.m for one in branches), default=0) + 3):
-            modes = DiskModes(at(model, psi_max, float(p[row])), m)
+            modes = DiskModes(model.varied(psi=psi_max, p=float(p[row])), m)
             mine = [one for one in branches if one.m == m]
             grow = 2 * sum(one.neutral[row] < psi_max for one in mine)
             real = 2 * sum(one.real[row] < psi_max for one in mine)
@@ -117,7 +112,7 @@ def _closed_form(name: str, mode: Mode, model: Model, p: Array, version: Version
     par = model.parameters
     e = stiffnesses(model, p, version)
     root = np.sqrt(np.where(e > 0, e, np.nan))
-    pressure = np.array([active_slope(at(model, 0.0, float(x)), version) for x in p])
+    pressure = np.array([active_slope(model.varied(psi=0.0, p=float(x)), version) for x in p])
     viscous = np.sqrt(par.mu * (model.reaction_rate() + par.d * mode.k**2))
     slopes = (viscous - root) ** 2, root**2 + viscous**2, (viscous + root) ** 2
     per_psi = sigma_prime(replace(par, psi=1.0))
@@ -134,7 +129,7 @@ def _angular_numbers(model: Model, p: Array, psi_max: float) -> Iterator[int]:
     three = p[[0, len(p) // 2, -1]]
     idle = m = 0
     while idle < 2:
-        grows = any(DiskModes(at(model, psi_max, float(x)), m).count(0.0) for x in three)
+        grows = any(DiskModes(model.varied(psi=psi_max, p=float(x)), m).count(0.0) for x in three)
         idle = 0 if grows else idle + 1
         if grows:
             yield m
@@ -180,7 +175,7 @@ class _Tracer:
         return Branch("", self._m, np.full_like(real, np.nan), neutral, real)
 
     def _at(self, psi: float, row: int) -> DiskModes:
-        return DiskModes(at(self._model, psi, float(self._p[row])), self._m)
+        return DiskModes(self._model.varied(psi=psi, p=float(self._p[row])), self._m)
 
     def _onset(self, row: int, number: int) -> float:
         """The psi at which more than `number` pairs grow at one p, to a thousandth."""
@@ -246,7 +241,7 @@ class _Tracer:
         pole = s**2 / self._model.parameters.mu
 
         def modes(psi: float) -> DiskModes:
-            return DiskModes(at(self._model, psi, p), self._m)
+            return DiskModes(self._model.varied(psi=psi, p=p), self._m)
 
         for _ in range(12):
             values, slopes = equations(point, modes, pole)

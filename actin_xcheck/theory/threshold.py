@@ -1,7 +1,7 @@
 """The smallest contractility psi at which a mode of the moving cell stops decaying."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def threshold(model: Model, m: int) -> Threshold:
     """
 
     def modes(psi: float) -> DiskModes:
-        return DiskModes(replace(model, parameters=replace(model.parameters, psi=psi)), m)
+        return DiskModes(model.varied(psi=psi), m)
 
     blocking = {name: x for name, x in modes(0.0).boundary_points().items() if x >= 0}
     if blocking:

@@ -1,18 +1,16 @@
 """Ripples measured one by one: how each amplitude grows with the radius of a swelling disk."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
-from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.closures.rims import Rims, mean_radius
 from actin_xcheck.theory.ripples import ripple_exponent
 
@@ -77,15 +75,16 @@ class Spectrum:
 
 def rippled(closure: Closure, advancing: bool, m: int) -> Scene:
     """Return the swelling (or shrinking) disk, its rim displaced by a ripple; m = 0 is the disk itself."""
-    table = tomllib.loads(load_scene(BASE).text)
-    table["name"] = f"{BASE}-{m}"
-    table["model"]["closure"] = str(closure)
-    table["parameters"]["p"] *= 1 if advancing else -1
-    table["time"] = {"end": STEPS * DT}
+    base, ripple = load_scene(BASE), f"{AMPLITUDE}*r**{m}*cos({m}*theta)"
+    changes = {
+        "name": f"{BASE}-{m}",
+        "model.closure": str(closure),
+        "parameters.p": base.parameters.p * (1 if advancing else -1),
+        "time": {"end": STEPS * DT},
+    }
     if m:
-        ripple = f"{AMPLITUDE}*r**{m}*cos({m}*theta)"
-        table["initial"]["u"] = [f"{ripple}*cos(theta)", f"{ripple}*sin(theta)"]
-    return parse_scene(tomli_w.dumps(table), table["name"])
+        changes["initial.u"] = [f"{ripple}*cos(theta)", f"{ripple}*sin(theta)"]
+    return base.varied(changes, f"{BASE}-{m}")
 
 
 def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:

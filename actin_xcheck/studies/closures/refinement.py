@@ -5,13 +5,11 @@ so that the coarser run's times are the finer one's too.  Steps are equal: no st
 a rim that is lost.
 """
 
-import tomllib
 from dataclasses import dataclass
 from math import ceil, log2
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array, Closure
@@ -20,7 +18,7 @@ from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
-from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.closures.rims import Rims, distance, mean_radius, roughness
 
 FEWEST_STEPS = 10
@@ -150,13 +148,9 @@ class Rim:
 
 def scene_of(course: Course) -> Scene:
     """Return the scene with the course's closure, without output times and without what it expects."""
-    table = tomllib.loads(load_scene(course.scene).text)
-    table["name"] = f"{course.scene}--{course.closure}"
-    table.setdefault("model", {})["closure"] = str(course.closure)
-    table["time"].pop("outputs", None)
-    for expected in "expect", "as_published":
-        table.pop(expected, None)
-    return parse_scene(tomli_w.dumps(table), course.file)
+    left_out = dict.fromkeys(("time.outputs", "expect", "as_published"))
+    read = {"name": f"{course.scene}--{course.closure}", "model.closure": str(course.closure)}
+    return load_scene(course.scene).varied(read | left_out, course.file)
 
 
 def follow(course: Course, folder: Path) -> Rim:

@@ -10,13 +10,13 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
-import tomli_w
 
 from actin_xcheck.core.model import Delta
 from actin_xcheck.runs.method import Method
-from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.conditions import orders_lost_in_h, why_not
@@ -154,22 +154,20 @@ def final(scene: Scene) -> Scene:
     Where delta does not jump at the ring, l0 is nothing but a line of nodes: on 1/2 every mesh has it without
     being bent, and is the next coarser one refined.  With another l0 local orders scatter by 0.2.
     """
-    table = tomllib.loads(scene.text)
+    changes: dict[str, Any] = {"time.outputs": None}
     if scene.physics.delta is not Delta.RING:
-        table["dimensional" if scene.dimensional else "parameters"]["l0"] = 0.5
-    reference = table.get("expect", {}).get("reference")
-    if reference:
+        changes[f"{'dimensional' if scene.dimensional else 'parameters'}.l0"] = 0.5
+    if reference := tomllib.loads(scene.text).get("expect", {}).get("reference"):
         last = max(reference["at"], key=lambda at: at["time"])
-        reference["at"] = [last]
-        reference["bound"] = {
+        changes["expect.reference.at"] = [last]
+        changes["expect.reference.bound"] = {
             name: bound
             for name, bound in reference["bound"].items()
             if np.isfinite(last.get(name, np.nan)).any()
         }
         if scene.expect.growth_rate is None:
-            table["time"]["end"] = last["time"]
-    table["time"].pop("outputs", None)
-    return parse_scene(tomli_w.dumps(table), f"scenes/{scene.name}.toml")
+            changes["time.end"] = last["time"]
+    return scene.varied(changes, f"scenes/{scene.name}.toml")
 
 
 def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, Truth]]:

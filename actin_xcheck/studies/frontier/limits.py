@@ -40,7 +40,7 @@ RESOLVED = "waves up to k_crit fit the mesh below"
 def model_at(scene: Scene, psi: float, p: float) -> Model:
     """The scene's model at some psi and p, as linear theory takes it."""
     physics = scene.physics
-    return constant(replace(physics, parameters=replace(physics.parameters, psi=psi, p=p)))
+    return constant(physics.varied(psi=psi, p=p))
 
 
 def lines_of(scene: Scene, method: Method, plane: Plane) -> tuple[Line, ...]:

@@ -6,14 +6,11 @@ the scene's psi this is the scene's own end.
 """
 
 import math
-import tomllib
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-import tomli_w
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
@@ -202,10 +199,10 @@ def cloud() -> tuple[tuple[float, float], ...]:
 
 def _moved(scene: Scene, name: str, psi: float, p: float, end: float) -> str:
     """TOML of the scene at another psi and p, without what it expects."""
-    table = tomllib.loads(scene.text)
-    moved: Parameters = replace(scene.parameters, psi=psi, p=p)
-    table |= {"name": name, "parameters": asdict(moved), "time": {"end": end}}
-    table["probes"] = {"points": [list(point) for point in cloud()]}
-    for dropped in ("dimensional", "expect", "as_published"):
-        table.pop(dropped, None)
-    return tomli_w.dumps(table)
+    moved = {
+        "name": name,
+        "parameters": asdict(replace(scene.parameters, psi=psi, p=p)),
+        "time": {"end": end},
+        "probes": {"points": [list(point) for point in cloud()]},
+    }
+    return scene.varied(moved | dict.fromkeys(("dimensional", "expect", "as_published"))).text

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -15,7 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from actin_xcheck.core.errors import UserError, brief
-from actin_xcheck.scene.shelf import scene_text, shipped_scenes
+from actin_xcheck.scene.shelf import scene_text, shipped_scenes, varied
 from actin_xcheck.scene.tables import Many, Table, mistake
 
 MOST_RUNS = 100_000
@@ -140,17 +139,9 @@ def _varied(path: Path, name: str, combined: Sequence[Values]) -> Iterator[Point
     except (ValueError, RecursionError) as error:
         raise UserError(f"{name}: not valid TOML: {brief(str(error), 400)}") from None
     for values in combined:
-        varied = deepcopy(base)
-        for key, value in values.items():
-            *tables, last = key.split(".")
-            at = varied
-            for table in tables:
-                at = at.setdefault(table, {})
-                if not isinstance(at, dict):
-                    raise UserError(f"{path}: over.{key}: {table} is no table in {name}")
-            at[last] = value
         said = ", ".join(f"{key} = {brief(repr(value), 40)}" for key, value in values.items())
-        yield Point(given, tomli_w.dumps(varied), f"{path}: {name} with {said}", values)
+        origin = f"{path}: {name} with {said}"
+        yield Point(given, tomli_w.dumps(varied(base, values, origin)), origin, values)
 
 
 def _sentence(error: ErrorDetails, table: type[Table]) -> str:

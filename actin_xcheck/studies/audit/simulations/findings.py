@@ -62,7 +62,7 @@ def tonicity_sets_the_transition() -> Finding:
     """Remark 5.1 and Section 7: psi is the bifurcation parameter."""
     cell = replace(load_scene("fig14-four-fronts").physics, delta=Delta.NONE)
     found = threshold(cell, 0)
-    rest = threshold(replace(cell, parameters=replace(cell.parameters, p=0.0)), 0)
+    rest = threshold(cell.varied(p=0.0), 0)
     holds = found.psi is not None and rest.psi is not None
     return Finding(
         Judgement.REPRODUCED if holds else Judgement.NOT_REPRODUCED,
@@ -177,10 +177,7 @@ def other_parameters() -> Finding:
     """Remark 5.1: a_sat and p move the threshold."""
     cell = replace(load_scene("fig14-four-fronts").physics, delta=Delta.NONE)
     found = {
-        f"a_sat = {a_sat:g}, p = {p:g}": threshold(
-            replace(cell, parameters=replace(cell.parameters, a_sat=a_sat, p=p)), 0
-        ).psi
-        or np.nan
+        f"a_sat = {a_sat:g}, p = {p:g}": threshold(cell.varied(a_sat=a_sat, p=p), 0).psi or np.nan
         for a_sat, p in ((1.4, 0.26), (1.1, 0.26), (0.6, 0.26), (1.4, 1.0))
     }
     base = found["a_sat = 1.4, p = 0.26"]

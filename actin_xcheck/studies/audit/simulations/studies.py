@@ -6,7 +6,6 @@ resolution, one that stays is its model.
 """
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,11 +13,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import tomli_w
 
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.store import Run, read_run
-from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.simulations.readouts import Readout
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.growth import extrapolate
@@ -65,8 +63,9 @@ class Study:
 
     def jobs(self) -> dict[Level, Stored]:
         """Return the study's runs."""
-        text = changed(load_scene(self.scene), self.name, self.changes)
-        scene, method = parse_scene(text, f"scenes/{self.name}.toml"), METHODS[self.method]
+        changes = {"name": self.name, "expect": None, **dict(self.changes)}
+        scene = load_scene(self.scene).varied(changes, f"scenes/{self.name}.toml")
+        method = METHODS[self.method]
         levels = (*self.levels, *((self.published,) if self.published else ()))
         return {
             (refine, dt): Stored(
@@ -79,20 +78,6 @@ class Study:
             )
             for refine, dt in levels
         }
-
-
-def changed(scene: Scene, name: str, changes: Changes) -> str:
-    """Return the TOML of a scene with another name and some keys changed; what it expects is left out."""
-    table = tomllib.loads(scene.text)
-    table.pop("expect", None)
-    table["name"] = name
-    for key, value in changes:
-        *path, last = key.split(".")
-        at = table
-        for part in path:
-            at = at.setdefault(part, {})
-        at[last] = value
-    return tomli_w.dumps(table)
 
 
 @dataclass(frozen=True)

@@ -141,8 +141,8 @@ def _suspects() -> Finding:
     mesh = disk(_REFINE, own.parameters.l0)
     viscous = replace(own, rheology=Rheology.VISCOUS)
     free = replace(viscous, closure=Closure.TRACTION_FREE)
-    against = replace(free, parameters=replace(free.parameters, p=-own.parameters.p))
-    dimensional = replace(free, parameters=replace(free.parameters, psi=72.0))
+    against = free.varied(p=-own.parameters.p)
+    dimensional = free.varied(psi=72.0)
 
     def krylov(restarts: int) -> Any:
         return lambda model, mesh: UnprojectedKrylov(model, mesh, restarts)

@@ -1,7 +1,6 @@
 """Rows of the audit: quantitative sentences of Section 3.3 on linear stability."""
 
 import math
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -146,9 +145,7 @@ def _negative_sigma() -> Finding:
     k2 = wavenumber(1, 1) ** 2
 
     def b(p: float) -> float:
-        return float(
-            coefficients(replace(still, parameters=replace(still.parameters, p=p)), k2, Version.AS_PRINTED)[0]
-        )
+        return float(coefficients(still.varied(p=p), k2, Version.AS_PRINTED)[0])
 
     p = b(0.0) / (b(0.0) - b(1.0))  # b is linear in p
     return found(
@@ -180,7 +177,7 @@ def _onset(model: Model, m: int) -> float:
     low, high = 62.4, 1000.0
     while high - low > 1e-9 * high:
         middle = (low + high) / 2
-        if DiskModes(replace(model, parameters=replace(model.parameters, psi=middle)), m).count(0.0):
+        if DiskModes(model.varied(psi=middle), m).count(0.0):
             high = middle
         else:
             low = middle
