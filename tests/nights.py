@@ -20,7 +20,7 @@ from actin_xcheck.nightly.checks import Found, NotDecided
 from actin_xcheck.nightly.history.record import Kind, Number
 from actin_xcheck.nightly.plan import Plan
 from actin_xcheck.nightly.record import FILE_NAME, Kept, read_night
-from actin_xcheck.runs import executor
+from actin_xcheck.runs import executor, machine
 from actin_xcheck.runs.workers import in_turn as in_this_process
 from tests.claims import claim
 from tests.processes import in_turn
@@ -63,7 +63,8 @@ class Stub:
 
 @pytest.fixture
 def here(monkeypatch):
-    """All work is done in this process, which saves seconds of imports."""
+    """All work is done in this process, which saves seconds of imports, and no machine is busy."""
+    monkeypatch.setattr(machine, "reference_kernel", lambda: (plans.KERNEL, plans.KERNEL))
     for module in (executor, work):
         monkeypatch.setattr(module, "executor", in_turn)
     monkeypatch.setattr(work, "work_alone", lambda find, task, report: find(task, report))

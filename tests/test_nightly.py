@@ -15,7 +15,7 @@ from actin_xcheck.nightly import night as nights_code
 from actin_xcheck.nightly.checks import Costed
 from actin_xcheck.nightly.history.database import read_claims, read_nights, read_numbers
 from actin_xcheck.nightly.nights import HISTORY, new_folder
-from actin_xcheck.nightly.plan import Past, Plan, chosen, past, suite
+from actin_xcheck.nightly.plan import KERNEL, Past, Plan, chosen, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Journal, Kept, read_night
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.studies.faults.checks import QUIET
@@ -123,6 +123,31 @@ def test_at_the_end_of_the_budget_what_runs_is_stopped_and_not_red(night, tmp_pa
     assert known.expected(Stub("slower than thought", 0.1)) == 2 * left.seconds
     assert night(Stub("slower than thought", 0.1)) == 0  # was it a busy machine?
     assert past(tmp_path / HISTORY).expected(Stub("slower than thought", 0.1)) < 0.3
+
+
+def test_a_night_on_a_busy_machine_does_not_make_the_next_one_small(night, tmp_path):
+    """Seconds go with the reference kernel, those of what was stopped and of what is guessed too."""
+    stubs = Stub("over", 0.0), Stub("stopped", 0.1, lasts=60)
+    assert night(*stubs, budget=0.02) == 0
+    (left,) = only_night(tmp_path).left_out
+    (done,) = only_night(tmp_path).done
+    for slower in (0.1, 1.0, 8.0):
+        known = past(tmp_path / HISTORY, slower * KERNEL)
+        assert known.expected(stubs[0]) == pytest.approx(slower * done.seconds)
+        assert known.expected(stubs[1]) == pytest.approx(slower * 2 * left.seconds)
+        assert known.expected(Stub("never run", 7.0)) == pytest.approx(slower * 7)
+    quick = past(tmp_path / HISTORY, 1e-3 * KERNEL)
+    planned = chosen(Plan((Stub("large", 9.0), *stubs)), (), False, quick)
+    assert [item.name for item in planned.items] == ["over", "stopped", "large"]
+
+
+def test_checks_are_guessed_in_the_order_of_what_they_take():
+    """What takes longest on the finest meshes and had looked cheap came first, and nothing else was run."""
+    guesses = {item.name: item.guess for item in suite().checks}
+    fine = guesses["compare fig14-four-fronts fem-p1-paper fv-coupled refine 5"]
+    middle = guesses["compare growing-disk fem-p1-paper fv-coupled refine 4"]
+    quick = guesses["compare static-decay fem-p1-paper fv-coupled refine 3"]
+    assert 2 * quick < middle < fine / 2 < 5 * quick
 
 
 @pytest.mark.parametrize("how", ["no memory", "no disk"])

@@ -81,6 +81,7 @@ def nightly_command(
     from actin_xcheck.nightly.record import FILE_NAME, Journal, Kept, read_night
     from actin_xcheck.nightly.remote import carry_out_elsewhere
     from actin_xcheck.runs.executor import executor, jobs_asked
+    from actin_xcheck.runs.machine import reference_kernel
     from actin_xcheck.studies.folder import make_folder
 
     history, count = out_dir / HISTORY, jobs_asked(jobs, scheduler)
@@ -90,7 +91,8 @@ def nightly_command(
             "valid: without --only, --failed, --fault and --baseline"
         )
     make_folder(out_dir)
-    known = past(history)
+    kernel = float(reference_kernel()[0])
+    known = past(history, kernel)
     plan = chosen(without_watching(suite()) if fault else suite(), only or (), failed, known)
     if fault:
         with night_long(fault):
@@ -108,7 +110,8 @@ def nightly_command(
             plan = gone_on_with(kept, suite())
             check_same_code(kept)
         else:
-            kept = Kept(folder, begin(folder, plan, budget, fault or "", baseline or "", command()))
+            begun = begin(folder, plan, budget, fault or "", baseline or "", command(), kernel)
+            kept = Kept(folder, begun)
             journal.begin(kept.begun)
         minutes = budget or kept.begun.minutes
         spent = 0.0 if budget else kept.seconds

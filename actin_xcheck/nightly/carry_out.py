@@ -250,16 +250,19 @@ def work_through(
     go_on(plan.checks, processes, work)
     with executor(1) as alone:
         go_on(plan.costs, alone, carry_out)
-    controls, undecided = _controls(plan, over, left_out)
+    controls, undecided = _controls(plan, over, left_out, known.pace)
     left_out += undecided
     go_on(sorted(controls, key=known.order), processes, work)
     return over, left_out
 
 
 def _controls(
-    plan: Plan, over: Sequence[Done], left_out: Sequence[NotRun]
+    plan: Plan, over: Sequence[Done], left_out: Sequence[NotRun], pace: float
 ) -> tuple[list[Control], list[NotRun]]:
-    """The controls with the checks that are green and call what they replace, the quickest first."""
+    """The controls with the checks that are green and call what they replace, the quickest first.
+
+    Their guesses are tonight's seconds, in those that take `pace` of them.
+    """
     done = {one.name: one for one in over}
     green = sorted(
         (
@@ -275,7 +278,7 @@ def _controls(
         ours = [(item.check, one.seconds) for item, one in green if control.target in one.reached]
         checks = tuple(check for check, _ in ours)
         if checks or whole:
-            guess = sum(seconds for _, seconds in ours[:TRIED])
+            guess = sum(seconds for _, seconds in ours[:TRIED]) / pace
             ready.append(replace(control, guess=guess, checks=checks, whole=whole))
         else:
             undecided.append(

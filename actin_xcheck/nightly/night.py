@@ -17,7 +17,6 @@ from actin_xcheck.nightly.nights import judged_in, machine, numbers_of
 from actin_xcheck.nightly.plan import Plan
 from actin_xcheck.nightly.record import Begun, Done, Kept
 from actin_xcheck.runs.commands import command as command_of
-from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.hunt import control, missed
@@ -25,7 +24,9 @@ from actin_xcheck.studies.faults.hunt import control, missed
 Kind = TypeVar("Kind", bound=Item)
 
 
-def begin(folder: Path, plan: Plan, budget: float | None, fault: str, baseline: str, command: str) -> Begun:
+def begin(
+    folder: Path, plan: Plan, budget: float | None, fault: str, baseline: str, command: str, kernel: float
+) -> Begun:
     """Return what is known of a night before its first check.
 
     Parameters
@@ -35,6 +36,7 @@ def begin(folder: Path, plan: Plan, budget: float | None, fault: str, baseline: 
     budget : minutes in all; None: as long as it takes.
     fault, baseline : names of a deliberate fault and of a night to compare with; empty without.
     command : what makes it again.
+    kernel : seconds of the reference kernel.
     """
     return Begun(
         folder.name,
@@ -46,7 +48,7 @@ def begin(folder: Path, plan: Plan, budget: float | None, fault: str, baseline: 
         fault,
         baseline,
         tuple(item.name for item in plan.items),
-        float(reference_kernel()[0]),
+        kernel,
     )
 
 

@@ -1,5 +1,6 @@
 """What a night tries, and in which order: what failed last, what fails most often, what is cheapest."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -10,12 +11,14 @@ import numpy as np
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.checks import Checked, Control, Costed, Diluted, Item
 from actin_xcheck.nightly.history.database import read_claims, read_nights, read_series
+from actin_xcheck.nightly.history.record import Series
 from actin_xcheck.nightly.nights import STOPPED
-from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Check, Compared, Studied
+from actin_xcheck.studies.stored import seconds_of
 
 MEMORY_OF = 20
 """Nights from which it is known how often a check fails."""
@@ -56,6 +59,9 @@ EXTRA: tuple[Check, ...] = (
 GUESSED = 5.0
 """Seconds of a check of which no night has told."""
 
+KERNEL = 0.055
+"""Seconds of the reference kernel on the machine of which seconds are guessed."""
+
 COST_SCENE, COST_REFINE, COST_STEPS, COST_RTOL = "fig14-four-fronts", 3, 40, 1e-4
 
 
@@ -63,22 +69,27 @@ COST_SCENE, COST_REFINE, COST_STEPS, COST_RTOL = "fig14-four-fronts", 3, 40, 1e-
 class Past:
     """What the history says of checks, by name.
 
+    Seconds are those of tonight: a machine that was busy then, or is now, has the reference kernel say so.
+
     Attributes
     ----------
     seconds : the last time each took, on a cluster where it was never measured.
     failed : those that failed when they were run last.
     often : share of nights in which each failed.
     stopped : seconds after which some were stopped, since they were last over.
+    pace : seconds that one takes which is guessed.
     """
 
     seconds: Mapping[str, float] = field(default_factory=dict)
     failed: frozenset[str] = frozenset()
     often: Mapping[str, float] = field(default_factory=dict)
     stopped: Mapping[str, float] = field(default_factory=dict)
+    pace: float = 1.0
 
     def expected(self, item: Item) -> float:
         """Seconds that an item will take: what was stopped needs more, and is given twice as much."""
-        return max(self.seconds.get(item.name, item.guess), 2 * self.stopped.get(item.name, 0.0))
+        usual = self.seconds.get(item.name, self.pace * item.guess)
+        return max(usual, 2 * self.stopped.get(item.name, 0.0))
 
     def order(self, item: Item) -> tuple[bool, float, float]:
         """By which items are sorted: failed last, often failing, cheap."""
@@ -119,16 +130,24 @@ def suite() -> Plan:
 
 
 def _guess(check: Check) -> float:
-    """Seconds, where no night has told."""
+    """Seconds, where no night has told: half more than its runs take, and what every check does."""
     if not isinstance(check, Compared):
         return GUESSED
-    return 0.5 + 2e-4 * len(check.methods) * check.steps * 4.0 ** (check.refine - 3)
+    runs = sum(seconds_of(find_method(name), check.refine, check.steps) for name in check.methods)
+    return 1.0 + 1.5 * runs
 
 
-def past(history: Path) -> Past:
-    """What the nights in a history tell; nothing where there is none."""
+def past(history: Path, kernel: float = math.nan) -> Past:
+    """What the nights in a history tell; nothing where there is none.
+
+    Parameters
+    ----------
+    history : its file.
+    kernel : seconds of the reference kernel tonight; nan: as it was in every night, and is here.
+    """
+    pace = 1.0 if math.isnan(kernel) else kernel / KERNEL
     if not history.exists():
-        return Past()
+        return Past(pace=pace)
     last = [read_claims(history, one.night.name) for one in read_nights(history)[-MEMORY_OF:]]
     elsewhere = {
         one.check: one.seconds
@@ -138,17 +157,29 @@ def past(history: Path) -> Past:
     }
     whole = {_name(one.key): one for one in read_series(history, "seconds/*")}
     stopped = {_name(one.key): one for one in read_series(history, f"{STOPPED}/*")}
-    seconds = {name: float(one.values[-1]) for name, one in whole.items()}
+    kernels = {
+        night.name: value
+        for one in read_series(history, "kernel")
+        for night, value in zip(one.nights, one.values, strict=True)
+    }
+
+    def tonight(one: Series) -> float:
+        """Its last seconds, on a machine as busy as this is."""
+        slower = kernel / kernels.get(one.nights[-1].name, math.nan)
+        return float(one.values[-1]) * (slower if math.isfinite(slower) else 1.0)
+
+    seconds = {name: tonight(one) for name, one in whole.items()}
     red = {one.key: one.values[-MEMORY_OF:] for one in read_series(history, "red/*")}
     return Past(
         elsewhere | {name: value for name, value in seconds.items() if np.isfinite(value)},
         frozenset(_name(key) for key, values in red.items() if values[-1] > 0),
         {_name(key): float((values > 0).mean()) for key, values in red.items()},
         {
-            name: float(one.values[-1])
+            name: tonight(one)
             for name, one in stopped.items()
             if name not in whole or whole[name].nights[-1].date < one.nights[-1].date
         },
+        pace,
     )
 
 
