@@ -18,6 +18,7 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_comparison, read_run, reading
 from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.audit.study import Entry
 from actin_xcheck.studies.closures.refinement import Course, follow
@@ -150,12 +151,15 @@ def test_a_row_of_the_audit_is_made_again_by_its_command(tmp_path, monkeypatch):
 
 
 def test_a_run_on_a_distorted_mesh_is_made_again_by_its_command(tmp_path, monkeypatch):
+    """In the report's folder, wherever the scene was when it was asked for."""
+    (tmp_path / "mine.toml").write_text(scene_text("static-decay"))
     monkeypatch.chdir(tmp_path)
-    scene = load_scene("static-decay")
+    scene, folder = load_scene("mine.toml"), tmp_path / "distort"
     case, _ = cases_of(scene, METHODS[P1], FAMILIES["perturbed"], 0.3)
-    answer = answer_of(case, tmp_path)
+    answer = answer_of(case, folder)
+    monkeypatch.chdir(folder)
     typed(case.command(scene), "--quiet")
-    made = read_run(tmp_path / "run.vtkhdf").series
+    made = read_run(folder / "run.vtkhdf").series
     assert made["area"][-1] == pytest.approx(answer.area, rel=1e-14)
     assert made["probe_a"][-1] == pytest.approx(answer.a[: len(scene.probes.points)], rel=1e-12)
     assert len(made["time"]) == answer.steps + 1

@@ -122,10 +122,19 @@ class Case:
     steps: int
 
     @property
+    def name(self) -> str:
+        """That of its scene."""
+        return str(tomllib.loads(self.scene)["name"])
+
+    @property
+    def scene_file(self) -> str:
+        """Where its scene lies in the report's folder: commands are for there, not for where a user was."""
+        return f"scenes/{self.name}.toml"
+
+    @property
     def mesh_file(self) -> str:
         """Where its mesh lies in the report's folder: two scenes may have rings of other radii."""
-        name = tomllib.loads(self.scene)["name"]
-        return f"meshes/{name}/{self.family}-{self.severity:g}-refine-{self.refine}.vtu"
+        return f"meshes/{self.name}/{self.family}-{self.severity:g}-refine-{self.refine}.vtu"
 
     @property
     def seconds(self) -> float:
@@ -141,7 +150,8 @@ class Case:
     def command(self, scene: Scene) -> str:
         """The command that makes the run again, in the report's folder."""
         dt = scene.time.end / self.steps
-        return command("run", scene.origin, method=self.method, dt=dt, mesh=self.mesh_file, out="run.vtkhdf")
+        where = {"mesh": self.mesh_file, "out": "run.vtkhdf"}
+        return command("run", self.scene_file, method=self.method, dt=dt, **where)
 
 
 def families_of(scene: Scene) -> tuple[Family, ...]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from actin_xcheck.core.contract import Solver, State
+from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.runs.accuracy import Level
@@ -89,11 +90,13 @@ class _Watch:
 
 
 def answer_of(case: Case, folder: Path) -> Answer:
-    """Run a case in equal steps, and leave its mesh, which the case's command names."""
-    scene, method = parse_scene(case.scene, "a scene"), find_method(case.method)
-    mesh, file = case.mesh(scene.parameters.l0), folder / case.mesh_file
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_mesh(file, mesh)
+    """Run a case in equal steps, and leave its scene and mesh, which the case's command names."""
+    scene, method = parse_scene(case.scene, case.scene_file), find_method(case.method)
+    mesh, files = case.mesh(scene.parameters.l0), (folder / case.scene_file, folder / case.mesh_file)
+    for file in files:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(files[0], case.scene.encode())
+    write_mesh(files[1], mesh)
     return _answer(scene, solver_for(resolve(scene), method, mesh), scene.time.end / case.steps, None)
 
 

@@ -51,7 +51,7 @@ def distort(
     Raises UserError where a scene's converged run does not complete.
     """
     cases = {
-        case: Task(answer_of, case, case.seconds, (case.mesh_file,))
+        case: Task(answer_of, case, case.seconds, (case.scene_file, case.mesh_file))
         for scene, families in scenes
         for family in families
         for severity in family.severities
@@ -87,7 +87,7 @@ def distort(
             chapters.append(chapter_of(scene, family, methods, pairs))
             sentences.append(sentence_of(scene, family, methods, pairs))
         rows += found.values()
-    note = "What makes each again, in this page's folder, where the meshes lie, stands in the file."
+    note = "What makes each again, in this page's folder, where scenes and meshes lie, stands in the file."
     return Report(
         "Distorted meshes",
         _lead(rows, told),
