@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from base64 import b64decode
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -98,6 +98,28 @@ def test_every_exhibit_comes_back_as_it_was(tmp_path, exhibit):
     with h5py.File(tmp_path / "x.h5") as file:
         assert file["one"].attrs["class"] == type(exhibit).__name__
         assert same(read_record(file["one"], Exhibit), exhibit)
+
+
+@dataclass(frozen=True)
+class Counted:
+    rows: tuple[tuple[int, ...], ...]
+    pairs: tuple[tuple[int, int], ...]
+    holds: tuple[tuple[bool, ...], ...]
+    widths: tuple[tuple[float, ...], ...]
+    named: tuple[tuple[str, int, float], ...]
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 0.5),), (("a", 1, 2.0),)),
+        Counted((), (), (), (), ()),
+    ],
+)
+def test_numbers_in_rows_keep_their_kind(tmp_path, record):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        write_record(file.create_group("one"), record)
+        assert same(read_record(file["one"], Counted), record)
 
 
 def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):

@@ -114,12 +114,13 @@ def _put_tuple(group: h5py.Group, name: str, item: Any, value: Any) -> None:
         numbered = group.create_group(name)
         for number, one in enumerate(value):
             write_record(numbered.create_group(f"{number:03d}"), one)
-    elif Ellipsis in get_args(item):
+    elif not _is_named(item):
         if len({len(row) for row in value}) > 1:
             raise ValueError(f"{group.name}: the rows of {name} are not of one length")
-        rows = np.array(value, dtype=object if get_args(item)[0] is str else float)
+        kind = get_args(item)[0]
+        rows = np.array(value, dtype=object if kind is str else kind)
         rows = rows.reshape(len(value), -1 if value else 0)
-        group.create_dataset(name, data=rows, **_text_if(get_args(item)[0] is str))
+        group.create_dataset(name, data=rows, **_text_if(kind is str))
     else:
         named = group.create_group(name)
         _put_text(named, "names", np.array([label for label, *_ in value], dtype=object))
@@ -152,11 +153,20 @@ def _get_tuple(stored: Any, item: Any) -> tuple[Any, ...]:
         return tuple(stored[()].tolist())
     if get_origin(item) is not tuple:
         return tuple(read_record(stored[key], item) for key in sorted(stored, key=int))
-    if Ellipsis in get_args(item):
+    if not _is_named(item):
         rows = stored.asstr()[()] if get_args(item)[0] is str else stored[()].tolist()
         return tuple(map(tuple, rows))
     named = zip(stored["names"].asstr()[()], stored["numbers"][()].tolist(), strict=True)
-    return tuple((label, *numbers) for label, numbers in named)
+    kinds = get_args(item)[1:]
+    return tuple(
+        (label, *(kind(number) for kind, number in zip(kinds, numbers, strict=True)))
+        for label, numbers in named
+    )
+
+
+def _is_named(item: Any) -> bool:
+    """Whether a tuple is a name with so many numbers, not a row of one kind."""
+    return get_args(item)[0] is str and Ellipsis not in get_args(item)
 
 
 def _without_none(hint: Any) -> Any:
