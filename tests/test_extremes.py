@@ -79,6 +79,14 @@ def test_breakdown_times_carry_an_uncertainty_that_covers_what_is_known(ladder):
     assert 0 < apart <= allowed < 1e-2
     # a run that went on says nothing about the end
     assert not breakdowns([replace(one, breakdown=np.nan) for one in ladder])
+    # nor does one whose mesh is missing between two others: h does not halve there
+    first = [
+        replace(one, refine=1) if (one.method, one.refine) == ("fem-p2-imex3", 2) else one for one in ladder
+    ]
+    assert [one.method for one in breakdowns(first)] == ["fem-p3-imex4"]
+    below = [*ladder, replace(ladder[0], refine=0, breakdown=1.0)]
+    assert [one.refine.tolist() for one in breakdowns(below)] == [[2, 3], [2, 3]]
+    assert breakdowns(below)[0].uncertainty == found[0].uncertainty
     # a fault: one method late by a part in fifty is seen
     late = [replace(one, breakdown=1.02 * one.breakdown) if "p3" in one.method else one for one in ladder]
     apart, allowed = agreement(breakdowns(late))[STRONG]

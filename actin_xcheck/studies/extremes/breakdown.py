@@ -36,7 +36,10 @@ class Breakdown:
 
 
 def breakdowns(attempts: Sequence[Attempt]) -> list[Breakdown]:
-    """The breakdown times of all ladders whose runs end so, each on two meshes at least."""
+    """The breakdown times of all ladders whose runs end so, each on two meshes at least.
+
+    Of meshes among which one's run does not end so only those finer than it are one ladder, whose h halves.
+    """
     plain = [one for one in attempts if not one.remesh and not one.epsilon]
     ended = [one for one in plain if np.isfinite(one.breakdown)]
     ended.sort(key=lambda one: (one.scene, one.method, one.refine, one.rtol))
@@ -44,25 +47,34 @@ def breakdowns(attempts: Sequence[Attempt]) -> list[Breakdown]:
     for (scene, method), group in groupby(ended, lambda one: (one.scene, one.method)):
         runs = list(group)
         finest = min(one.rtol for one in runs)
-        levels = [one for one in runs if one.rtol == finest]
-        coarser = [one for one in runs if one.rtol > finest and one.refine == levels[0].refine]
+        by_refine = {one.refine: one for one in runs if one.rtol == finest}
+        coarser = [
+            (one, by_refine[one.refine]) for one in runs if one.rtol > finest and one.refine in by_refine
+        ]
+        refine = max(by_refine)
+        while refine - 1 in by_refine:
+            refine -= 1
+        levels = [one for one in by_refine.values() if one.refine >= refine]
         if len(levels) > 1:
             found.append(_breakdown(scene, method, levels, coarser))
     return found
 
 
-def _breakdown(scene: str, method: str, levels: Sequence[Attempt], coarser: Sequence[Attempt]) -> Breakdown:
-    """Of levels in h, and of runs on the first mesh with a larger tolerance, if any."""
+def _breakdown(
+    scene: str, method: str, levels: Sequence[Attempt], coarser: Sequence[tuple[Attempt, Attempt]]
+) -> Breakdown:
+    """Of levels in h, and of runs with a larger tolerance, if any, each with the one on its mesh without."""
     order, times = METHODS[method].order_h, np.array([one.breakdown for one in levels])
     values = [times[i : i + 1] for i in range(len(times) - 1, -1, -1)][:3]
     of_h, how = uncertainty(values, order, 2.0**order, True, levels[-1].rtol * float(times[-1]))
     # an error estimate controlled to a tolerance leaves an error like its power p/(p + 1)
     power = METHODS[method].order_dt / (METHODS[method].order_dt + 1)
     of_steps = sum(
-        ELSEWHERE * abs(one.breakdown - times[0]) / ((one.rtol / levels[0].rtol) ** power - 1)
-        for one in coarser
+        ELSEWHERE * abs(one.breakdown - beside.breakdown) / ((one.rtol / beside.rtol) ** power - 1)
+        for one, beside in coarser
     )
-    how = f"in h: {of_h:.1e}, {how}; in steps: {of_steps:.1e}, Fs = {ELSEWHERE:g}, tolerance times 10"
+    steps = f"{of_steps:.1e}, Fs = {ELSEWHERE:g}, tolerance times 10" if coarser else "not known"
+    how = f"in h: {of_h:.1e}, {how}; in steps: {steps}"
     refine = np.array([one.refine for one in levels])
     return Breakdown(
         scene=scene,
