@@ -23,7 +23,7 @@ from actin_xcheck.studies.faults.catalogue import FAULTS as CATALOGUE
 from actin_xcheck.studies.faults.catalogue import find_faults
 from actin_xcheck.studies.faults.checks import Compared, Reduced
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
-from actin_xcheck.studies.faults.hunt import hunt
+from actin_xcheck.studies.faults.hunt import control, hunt, missed
 from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
 from fv.krylov import Operator
@@ -191,6 +191,44 @@ def test_a_check_that_is_red_without_a_fault_catches_nothing(tmp_path):
     assert [claim.holds for claim in report.claims] == [False, False]
     assert "something holds" in report.claims[1].note
     assert not report.tables["faults"].rows[0].caught
+
+
+@dataclass(frozen=True)
+class Broken(Red):
+    """A check that comes to no verdict."""
+
+    name: str = "broken"
+
+    def claims(self, folder):
+        raise ZeroDivisionError("nothing to divide by")
+
+
+def test_a_check_that_breaks_down_without_a_fault_is_red_and_the_others_go_on(tmp_path):
+    report = carry(tmp_path, hunt([CATALOGUE["fv-leak"]], [Broken(), STILL]))
+    assert [claim.holds for claim in report.claims] == [True, False, True]
+    said = "there is no number (broke down: ZeroDivisionError: nothing to divide by)"
+    assert report.claims[1].sentence.endswith(said)
+
+
+def test_a_machine_without_memory_is_no_verdict_that_is_kept(tmp_path, monkeypatch):
+    def starves(self, folder):
+        raise MemoryError
+
+    monkeypatch.setattr(Broken, "claims", starves)
+    with pytest.raises(MemoryError):
+        carry(tmp_path, hunt([NOTHING], [Broken()]))
+
+
+def test_a_fault_whose_target_is_gone_spoils_no_other(hunted):
+    _, gone = hunted(replace(NOTHING, target="fv.solver:nothing"), STILL)
+    assert gone.trouble == "fv.solver:nothing is gone"
+
+
+@pytest.mark.parametrize("value", [-5.0, 3.0])
+def test_a_claim_with_a_negative_bound_catches_what_exceeds_it(value):
+    """Such as "at least 10", said as -x <= -10: a value in parts of that bound means nothing."""
+    caught = replace(missed(NOTHING, (), ""), claim=claim("x is large", value, -10.0), check="broken")
+    assert control(caught).holds
 
 
 def process(task, report):

@@ -1,7 +1,6 @@
 """What a night is made of: checks of the harness, negative controls, and measured costs."""
 
 import math
-from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from actin_xcheck.studies.chart.measure import Sample, measured
 from actin_xcheck.studies.chart.points import Point
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.checks import QUIET, Check, Compared
-from actin_xcheck.studies.faults.fault import Calls, ControlError, replaced, watched
+from actin_xcheck.studies.faults.fault import Calls, replaced, there, watched
 from actin_xcheck.studies.faults.hunt import control, held_against
 
 
@@ -81,7 +80,7 @@ class Checked:
 
     def find(self, folder: Path) -> Found:
         """Its claims, and the numbers in its files."""
-        targets = _there(fault.target for fault in FAULTS.values()) if self.watches else ()
+        targets = there(fault.target for fault in FAULTS.values()) if self.watches else ()
         with watched(targets) as calls:
             claims = self.check.claims(folder)
         # an order that was claimed and can no longer be read off has not held
@@ -239,15 +238,3 @@ def night_long(fault: str) -> AbstractContextManager[Calls]:
     if fault not in FAULTS:
         raise UserError(f"--fault: {fault!r} is not a fault; valid: {', '.join(FAULTS)}")
     return replaced(FAULTS[fault].target, FAULTS[fault].wrong)
-
-
-def _there(targets: Iterable[str]) -> tuple[str, ...]:
-    """Those that exist: a control whose target is gone says so itself."""
-    found = []
-    for target in targets:
-        try:
-            with replaced(target):
-                found.append(target)
-        except ControlError:
-            continue
-    return tuple(found)

@@ -5,7 +5,7 @@ A control that never ran proves nothing, so that a name that no longer exists an
 called are errors, not faults that were missed.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property, reduce, wraps
@@ -98,6 +98,18 @@ def watched(targets: tuple[str, ...]) -> Iterator[dict[str, Calls]]:
     """Count the calls of several functions within a `with` block; nothing is changed."""
     with in_turn(), ExitStack() as stack:
         yield {target: stack.enter_context(replaced(target)) for target in dict.fromkeys(targets)}
+
+
+def there(targets: Iterable[str]) -> tuple[str, ...]:
+    """Those targets that exist: a control whose target is gone says so itself."""
+    found = []
+    for target in targets:
+        try:
+            _found(target)
+        except ControlError:
+            continue
+        found.append(target)
+    return tuple(found)
 
 
 def _found(target: str) -> tuple[Any, str]:

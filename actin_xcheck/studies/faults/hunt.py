@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.errors import starved
 from actin_xcheck.runs.commands import command
 from actin_xcheck.studies.faults.checks import SUITE, Check
-from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, watched
+from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, there, watched
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 CLEAR = 2.0
@@ -38,6 +39,7 @@ class Clean:
     judged : how many claims hold or do not.
     reached : targets that were called.
     seconds : how long it took.
+    trouble : why it came to no verdict; empty where it did.
     """
 
     name: str
@@ -45,6 +47,12 @@ class Clean:
     judged: int
     reached: tuple[str, ...]
     seconds: float
+    trouble: str = ""
+
+    @property
+    def green(self) -> bool:
+        """Whether it can turn red."""
+        return not self.red and not self.trouble
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,7 @@ def hunt(faults: Sequence[Fault], suite: Sequence[Check] = SUITE) -> Study:
     targets = tuple(dict.fromkeys(fault.target for fault in faults))
     clean: list[Clean] = yield [Task(without, (check, targets), CHECK_SECONDS) for check in suite]
     known = sorted(
-        (pair for pair in zip(suite, clean, strict=True) if not pair[1].red),
+        (pair for pair in zip(suite, clean, strict=True) if pair[1].green),
         key=lambda pair: (not pair[0].bounded, pair[1].seconds),
     )
     caught: list[Caught] = yield [
@@ -137,19 +145,29 @@ def without(asked: tuple[Check, tuple[str, ...]], folder: Path) -> Clean:
     """Carry a check out, and note which targets it calls."""
     check, targets = asked
     began = time.perf_counter()
-    with watched(targets) as calls, tempfile.TemporaryDirectory() as scratch:
-        claims = check.claims(Path(scratch))
+    claims, trouble = [], ""
+    with watched(there(targets)) as calls, tempfile.TemporaryDirectory() as scratch:
+        try:
+            claims = check.claims(Path(scratch))
+        except Exception as error:  # as with a fault: it has judged nothing
+            if starved(error):
+                raise
+            trouble = f"broke down: {type(error).__name__}: {error}"
     judged = [claim for claim in claims if claim.judged]
     reached = tuple(target for target, one in calls.items() if one.count)
     red = tuple(claim for claim in judged if not claim.holds)
-    return Clean(check.name, red, len(judged), reached, time.perf_counter() - began)
+    return Clean(check.name, red, len(judged), reached, time.perf_counter() - began, trouble)
 
 
 def held_against(asked: tuple[Fault, Sequence[Check]], folder: Path) -> Caught:
     """Return what the first of the checks that turns red with the fault says; ControlError as `injected`."""
     fault, checks = asked
     began = time.perf_counter()
-    trouble = "" if checks else f"no green check calls {fault.target}"
+    trouble = ""
+    if not checks:
+        trouble = (
+            f"no green check calls {fault.target}" if there([fault.target]) else f"{fault.target} is gone"
+        )
     passed: list[str] = []
     best, where, others = None, "", 0
     for check in checks:
@@ -160,6 +178,8 @@ def held_against(asked: tuple[Fault, Sequence[Check]], folder: Path) -> Caught:
             trouble = str(error)
             break
         except Exception as error:  # no verdict: a harness that crashes has judged nothing
+            if starved(error):  # and one whose machine lacks something is tried again
+                raise
             trouble = f"{check.name} broke down: {type(error).__name__}: {error}"
             continue
         red = sorted((one for one in claims if one.judged and not one.holds), key=_excess, reverse=True)
@@ -196,11 +216,11 @@ def _excess(claim: Claim) -> tuple[bool, float]:
 
     Returns
     -------
-    Whether its value is a number, and that value in bounds; infinite where the bound is 0.
+    Whether its value is a number, and that value in bounds; infinite where the bound is 0 or below.
     """
     if not np.isfinite(claim.value):
         return False, 0.0
-    return True, claim.value / claim.bound if claim.bound else np.inf
+    return True, claim.value / claim.bound if claim.bound > 0 else np.inf
 
 
 def control(caught: Caught) -> Claim:
@@ -208,7 +228,7 @@ def control(caught: Caught) -> Claim:
     claim, value, note = caught.claim, math.inf, caught.trouble
     said = "bound over value of the claim that failed by most"
     if claim is not None:
-        value = claim.bound / claim.value
+        value = claim.bound / claim.value if claim.bound > 0 else 0.0
         if not math.isfinite(claim.value):
             value, said = 1.0, "1, the worst of those that are caught: the claim that failed has no number"
         failed = f"{', '.join(claim.methods)}: {claim.statement}: {claim.excess}"
@@ -229,15 +249,15 @@ def control(caught: Caught) -> Claim:
 
 
 def _green(clean: Clean) -> Claim:
-    """Whether a check is green without a fault: how many of its claims fail."""
-    said = "; ".join(claim.sentence for claim in clean.red)
+    """Whether a check is green without a fault: how many of its claims fail, no number if it broke down."""
+    said = clean.trouble or "; ".join(claim.sentence for claim in clean.red)
     return Claim(
         kind=ClaimKind.CLEAN,
         quantity=clean.name,
         scene="without a fault",
         methods=(),
         statement=f"{clean.name}: all of its {clean.judged} claims hold",
-        value=float(len(clean.red)),
+        value=math.nan if clean.trouble else float(len(clean.red)),
         bound=0.0,
         command=command("faults"),
         path="/tables/checks",
