@@ -45,7 +45,11 @@ def on_ripples(spectra: Sequence[Spectrum]) -> tuple[Plot, ...]:
 
 
 def _rates(key: str, title: str, note: str, spectra: Sequence[Spectrum]) -> Plot:
-    """Rates over |V|/R of spectra that go the same way, beside those of theory with `current-normal`."""
+    """Rates over |V|/R of spectra that go the same way, beside those of theory with `current-normal`.
+
+    A ripple whose run failed is a gap.
+    """
+    spectra = [one for one in spectra if one.known.any()]
     if not spectra:
         return Plot(key, title, note, "", ())
     way, parameters = 1.0 if spectra[0].asked.advancing else -1.0, load_scene(BASE).parameters

@@ -77,7 +77,7 @@ def ladders(rims: Sequence[Rim]) -> list[Ladder]:
 
 def departure(spectrum: Spectrum, nodes_a_wave: float = RESOLVED) -> float:
     """Largest departure |gamma - theory|/theory of ripples with so many rim nodes a wave; nan for none."""
-    resolved = spectrum.modes * nodes_a_wave <= spectrum.nodes
+    resolved = (spectrum.modes * nodes_a_wave <= spectrum.nodes) & spectrum.known
     apart = np.abs(spectrum.measured / spectrum.predicted - 1)[resolved]
     return float(apart.max()) if apart.size else float("nan")
 
@@ -103,16 +103,19 @@ def reason(rims: Sequence[Rim]) -> str:
 
 
 def on_growth(spectra: Sequence[Spectrum]) -> list[str]:
-    """How ripples grow, one sentence a spectrum of `current-normal` and one for all of `reference-normal`."""
+    """How ripples grow, one sentence a spectrum of `current-normal` and one for all of `reference-normal`.
+
+    And one for every spectrum of which runs failed.
+    """
     said = []
     for one in spectra:
-        if one.asked.closure is Closure.CURRENT_NORMAL:
-            way = "advancing" if one.asked.advancing else "retracting"
-            most, least = int(np.argmax(one.measured)), int(np.argmin(one.measured))
+        if one.asked.closure is Closure.CURRENT_NORMAL and one.known.any():
+            most, least = int(np.nanargmax(one.measured)), int(np.nanargmin(one.measured))
+            apart = departure(one)
+            near = f"to {100 * apart:.2g} %" if np.isfinite(apart) else "is known of none"
             words = (
-                f"{one.asked.method}, {one.nodes} rim nodes, {way}: γ = κ(m² − 1)/(m − κ) to "
-                f"{100 * departure(one):.2g} % where a wave has {RESOLVED} nodes or more; the mesh cuts it "
-                f"off at m = {one.modes[most]:g}, γ = {one.measured[most]:.3g}"
+                f"{_about(one)}: γ = κ(m² − 1)/(m − κ) {near} where a wave has {RESOLVED} nodes or more; "
+                f"the mesh cuts it off at m = {one.modes[most]:g}, γ = {one.measured[most]:.3g}"
             )
             if one.measured[least] < 0:
                 words += (
@@ -120,13 +123,23 @@ def on_growth(spectra: Sequence[Spectrum]) -> list[str]:
                     f"γ = {one.measured[least]:.3g} at m = {one.modes[least]:g}"
                 )
             said.append(words)
-    steady = [one for one in spectra if one.asked.closure is Closure.REFERENCE_NORMAL]
-    if steady:
-        apart = max(float(np.abs(one.measured - 1).max()) for one in steady)
+    steady = [one.measured[one.known] - 1 for one in spectra if one.asked.closure is Closure.REFERENCE_NORMAL]
+    if any(one.size for one in steady):
+        apart = float(np.abs(np.concatenate(steady)).max())
         said.append(
             f"{Closure.REFERENCE_NORMAL}: every ripple of every method keeps its shape, |γ − 1| ≤ {apart:.1g}"
         )
+    for one in spectra:
+        failed = [f"m = {m:g}: {why}" for m, why in zip(one.modes, one.messages, strict=True) if why]
+        if failed:
+            said.append(f"{_about(one)}, {one.asked.closure}: not measured at {'; '.join(failed)}")
     return said
+
+
+def _about(one: Spectrum) -> str:
+    """A spectrum's numerics in words."""
+    way = "advancing" if one.asked.advancing else "retracting"
+    return f"{one.asked.method}, {one.nodes} rim nodes, {way}"
 
 
 def on_refinement(rims: Sequence[Rim]) -> list[str]:

@@ -62,7 +62,8 @@ class Spectrum:
     nodes : of the rim.
     speed : of the rim, mean over the time.
     modes : wave numbers (n,), each below half the nodes.
-    measured, predicted : gamma (n,): the amplitude goes like R^gamma.
+    measured, predicted : gamma (n,): the amplitude goes like R^gamma; measured is nan where the run failed.
+    messages : why, of each mode; empty where it did not.
     """
 
     asked: Ripples
@@ -71,6 +72,12 @@ class Spectrum:
     modes: Array
     measured: Array
     predicted: Array
+    messages: tuple[str, ...]
+
+    @property
+    def known(self) -> Array:
+        """Which rates were measured, (n,) of truth values."""
+        return np.isfinite(self.measured)
 
 
 def rippled(closure: Closure, advancing: bool, m: int) -> Scene:
@@ -89,29 +96,38 @@ def rippled(closure: Closure, advancing: bool, m: int) -> Scene:
 
 def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:
     """Run every ripple beside the disk without one and read off how its amplitude grew."""
-    bare = _rims(asked, 0)
+    bare, trouble = _rims(asked, 0)
     nodes = bare.shape[-1]
     modes = [m for m in asked.modes if m < nodes / 2]
     radius = mean_radius(bare)
-    grown = np.log(radius[-1] / radius[0])
     angles = 2 * np.pi * np.arange(nodes) / nodes
-    measured = []
+    measured, messages = [], []
     for m in modes:
-        ripple = np.hypot(*_rims(asked, m).swapaxes(0, 1)) - np.hypot(*bare.swapaxes(0, 1))
+        rim, message = (bare, f"without a ripple: {trouble}") if trouble else _rims(asked, m)
+        messages.append(message)
+        if message:
+            measured.append(np.nan)
+            continue
+        ripple = np.hypot(*rim.swapaxes(0, 1)) - np.hypot(*bare.swapaxes(0, 1))
         amplitude = ripple @ np.cos(m * angles) * 2 / nodes
-        measured.append(np.log(np.abs(amplitude[-1] / amplitude[0])) / grown)
+        measured.append(np.log(np.abs(amplitude[-1] / amplitude[0])) / np.log(radius[-1] / radius[0]))
     parameters = load_scene(BASE).parameters
-    predicted = [ripple_exponent(asked.closure, parameters, m) for m in modes]
-    speed = float((radius[-1] - radius[0]) / (STEPS * DT))
-    return Spectrum(asked, nodes, speed, np.array(modes), np.array(measured), np.array(predicted))
+    return Spectrum(
+        asked=asked,
+        nodes=nodes,
+        speed=np.nan if trouble else float((radius[-1] - radius[0]) / (STEPS * DT)),
+        modes=np.array(modes),
+        measured=np.array(measured),
+        predicted=np.array([ripple_exponent(asked.closure, parameters, m) for m in modes]),
+        messages=tuple(messages),
+    )
 
 
-def _rims(asked: Ripples, m: int) -> Array:
-    """The rim (n_states, 2, n) of a run with the ripple m."""
+def _rims(asked: Ripples, m: int) -> tuple[Array, str]:
+    """The rim (n_states, 2, n) of a run with the ripple m, and why the run failed; empty where it did not."""
     scene = rippled(asked.closure, asked.advancing, m)
     solver = bind(scene, Numerics(find_method(asked.method), asked.refine, DT))
     rims = Rims(solver)
-    outcome = integrate(solver, DT, scene.output_times, rims)
-    if not outcome.ok:
-        raise ArithmeticError(f"{asked}, m = {m}: {outcome.message}")
-    return np.array(rims.rims)
+    with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
+        outcome = integrate(solver, DT, scene.output_times, rims)
+    return np.array(rims.rims), "" if outcome.ok else f"{outcome.ending.replace('_', ' ')}, {outcome.message}"

@@ -52,7 +52,10 @@ def plan(methods: Sequence[str]) -> list[Ripples | Course]:
 
 @dataclass(frozen=True)
 class Ripple:
-    """How one ripple of wave number m grew: its amplitude goes like R^gamma, measured and by theory."""
+    """How one ripple of wave number m grew: its amplitude goes like R^gamma, measured and by theory.
+
+    Where its run failed `measured` is nan and `message` says why.
+    """
 
     method: str
     closure: Closure
@@ -62,6 +65,7 @@ class Ripple:
     m: int
     measured: float
     predicted: float
+    message: str
 
 
 def _ripples(spectra: Sequence[Spectrum]) -> list[Ripple]:
@@ -75,9 +79,12 @@ def _ripples(spectra: Sequence[Spectrum]) -> list[Ripple]:
             m=int(m),
             measured=float(measured),
             predicted=float(predicted),
+            message=message,
         )
         for one in spectra
-        for m, measured, predicted in zip(one.modes, one.measured, one.predicted, strict=True)
+        for m, measured, predicted, message in zip(
+            one.modes, one.measured, one.predicted, one.messages, strict=True
+        )
     ]
 
 
