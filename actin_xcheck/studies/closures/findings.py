@@ -77,8 +77,8 @@ def ladders(rims: Sequence[Rim]) -> list[Ladder]:
 
 def departure(spectrum: Spectrum, nodes_a_wave: float = RESOLVED) -> float:
     """Largest departure |gamma - theory|/theory of ripples with so many rim nodes a wave; nan for none."""
-    resolved = (spectrum.modes * nodes_a_wave <= spectrum.nodes) & spectrum.known
-    apart = np.abs(spectrum.measured / spectrum.predicted - 1)[resolved]
+    resolved = spectrum.modes * nodes_a_wave <= spectrum.nodes
+    apart = np.abs(spectrum.measured / spectrum.predicted - 1)[np.logical_and(resolved, spectrum.known)]
     return float(apart.max()) if apart.size else float("nan")
 
 
