@@ -5,7 +5,8 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from actin_xcheck.nightly.history.record import Kind, Night, Series
+from actin_xcheck.nightly.history import Series
+from actin_xcheck.nightly.record import Kind, Night
 
 NIGHTS = 60
 ROUND_OFF = 1e-9

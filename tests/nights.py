@@ -10,20 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-import typer
 
-from actin_xcheck.cli import nightly as commands
+from actin_xcheck.cli.nightly import spend
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly import plan as plans
-from actin_xcheck.nightly.checks import Found, NotDecided
-from actin_xcheck.nightly.history.record import Kind, Number
-from actin_xcheck.nightly.plan import Plan
-from actin_xcheck.nightly.record import FILE_NAME, Kept, read_night
-from actin_xcheck.runs import executor, machine
+from actin_xcheck.nightly.items import Found, NotDecided
+from actin_xcheck.nightly.plan import KERNEL, Plan, Wish
+from actin_xcheck.nightly.record import FILE_NAME, Kept, Kind, Number, read_night
 from actin_xcheck.runs.workers import in_turn as in_this_process
 from tests.claims import claim
 from tests.processes import in_turn
+from tests.studies import here
 
 ROOT = Path(__file__).parents[1]
 
@@ -38,6 +35,7 @@ class Stub:
     lasts: float = 0.0
     how: str = ""
     log: str = ""
+    timed = False
 
     def find(self, folder: Path) -> Found:
         if self.log:
@@ -62,24 +60,16 @@ class Stub:
 
 
 @pytest.fixture
-def here(monkeypatch):
-    """All work is done in this process, which saves seconds of imports, and no machine is busy."""
-    monkeypatch.setattr(machine, "reference_kernel", lambda: (plans.KERNEL, plans.KERNEL))
-    for module in (executor, work):
-        monkeypatch.setattr(module, "executor", in_turn)
-    monkeypatch.setattr(work, "work_alone", lambda find, task, report: find(task, report))
+def night(monkeypatch, tmp_path):
+    """Spend a night on these checks in this process, on a machine that is not busy; its exit code."""
+    monkeypatch.setattr(work, "work_alone", here)
 
-
-@pytest.fixture
-def night(here, monkeypatch, tmp_path):
-    """Run `nightly` with these checks; its exit code."""
-
-    def run(*stubs, controls=(), **options):
-        plan = Plan(stubs, tuple(controls))
-        monkeypatch.setattr(plans, "suite", lambda: plan)
-        with pytest.raises(typer.Exit) as left, in_this_process():
-            commands.nightly_command(**{"out_dir": tmp_path, "quiet": True, "jobs": 1, **options})
-        return left.value.exit_code
+    def run(*stubs, controls=(), as_json=False, **wish):
+        how = {name: wish.pop(name) for name in ("patience",) if name in wish}
+        with in_this_process():
+            plan = Plan(stubs, tuple(controls))
+            how |= {"as_json": as_json, "kernel": KERNEL, "alone": here}
+            return spend(Wish(tmp_path, **wish), plan, in_turn(1), **how)
 
     return run
 
@@ -90,15 +80,10 @@ def only_night(folder: Path) -> Kept:
 
 
 def drive(out: str, log: str, *options: str) -> None:
-    """In a process of its own: `nightly` with slow stubs, as the command line calls it."""
+    """In a process of its own: a night of slow stubs."""
     plan = Plan(tuple(Stub(f"check {i}", 0.1 * i, lasts=0.3, log=log) for i in range(5)))
-    plans.suite = lambda: plan
-    executor.executor = work.executor = in_turn
-    work.work_alone = lambda find, task, report: find(task, report)
-    try:
-        commands.nightly_command(out_dir=Path(out), quiet=True, jobs=1, resume="--resume" in options)
-    except typer.Exit as left:
-        sys.exit(left.exit_code)
+    work.work_alone = here
+    sys.exit(spend(Wish(Path(out), resume="--resume" in options), plan, in_turn(1), alone=here))
 
 
 def start(out: Path, log: Path, *options: str) -> subprocess.Popen:

@@ -10,11 +10,21 @@ import pytest
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.carry_out import ended
-from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page
-from actin_xcheck.nightly.history.record import Kind, Night, Number, Series
-from actin_xcheck.nightly.nights import HISTORY, remember
-from actin_xcheck.nightly.record import FILE_NAME, Begun, Done, Journal, NotRun, read_night
-from actin_xcheck.nightly.sparkline import lights, sparkline
+from actin_xcheck.nightly.dashboard import lights, sparkline, write_dashboard, write_night_page
+from actin_xcheck.nightly.history import FILE_NAME as HISTORY
+from actin_xcheck.nightly.history import Series, remember
+from actin_xcheck.nightly.record import (
+    FILE_NAME,
+    Begun,
+    Done,
+    Kept,
+    Kind,
+    Night,
+    NotRun,
+    Number,
+    read_night,
+    write_night,
+)
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
@@ -74,11 +84,9 @@ def write_nights(folder: Path) -> Path:
             name, f"{name}T02:00:00+00:00", {"commit": commit, "numpy": "2"}, "a machine", "nightly", 10.0,
             fault, "", CHECKS, 0.03,
         )  # fmt: skip
-        journal = Journal(folder / name / FILE_NAME)
-        journal.begin(begun)
-        for number, check in enumerate(CHECKS):
-            journal.keep(done(check, night, 2.0 + 1e-3 * np.sin(night)), 60.0 * (number + 1))
-        journal.close([NotRun(f"fault {SCRIPT}", "7.0 s expected, 1.0 s left")], 240.0)
+        checks = tuple(done(check, night, 2.0 + 1e-3 * np.sin(night)) for check in CHECKS)
+        left_out = (NotRun(f"fault {SCRIPT}", "7.0 s expected, 1.0 s left"),)
+        write_night(Kept(folder / name, begun, checks, left_out, 240.0, closed=True))
         if not fault:
             remember(folder / HISTORY, read_night(folder / name))
         write_night_page(folder / name)

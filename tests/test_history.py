@@ -15,7 +15,9 @@ from typer.testing import CliRunner
 from actin_xcheck.cli.app import app
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.nightly.history.database import (
+from actin_xcheck.nightly.differences import differences, turned
+from actin_xcheck.nightly.history import (
+    Judged,
     append,
     find_night,
     read_claims,
@@ -23,8 +25,7 @@ from actin_xcheck.nightly.history.database import (
     read_numbers,
     read_series,
 )
-from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number
-from actin_xcheck.nightly.history.steps import differences, turned
+from actin_xcheck.nightly.record import Kind, Night, Number
 from tests.claims import claim
 from tests.histories import NIGHTS, history, night
 from tests.processes import posix
@@ -100,8 +101,8 @@ def test_a_night_is_found_by_how_its_name_begins(tmp_path):
 KILLED = """
 import os, signal, sys
 import actin_xcheck
-from actin_xcheck.nightly.history.database import append
-from actin_xcheck.nightly.history.record import Kind, Night, Number
+from actin_xcheck.nightly.history import append
+from actin_xcheck.nightly.record import Kind, Night, Number
 
 class Deadly(Number):
     @property
@@ -135,8 +136,8 @@ def test_of_a_night_that_is_killed_nothing_is_left(tmp_path):
 WRITER = """
 import sys
 import actin_xcheck
-from actin_xcheck.nightly.history.database import append
-from actin_xcheck.nightly.history.record import Kind, Night, Number
+from actin_xcheck.nightly.history import append
+from actin_xcheck.nightly.record import Kind, Night, Number
 for i in range(10):
     numbers = [Number("k%d" % k, Kind.ERROR, 1.0) for k in range(300)]
     append(sys.argv[1], Night("same", "2027-01-01", sys.argv[2], {}, "m"), numbers)

@@ -14,10 +14,9 @@ import pytest
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.unnamed import claim_of
-from actin_xcheck.nightly.groups import Group, group_of
-from actin_xcheck.nightly.history.database import append, read_claims, read_nights, read_series
-from actin_xcheck.nightly.history.record import Judged
-from actin_xcheck.nightly.nights import HISTORY, judged_in
+from actin_xcheck.nightly.history import FILE_NAME as HISTORY
+from actin_xcheck.nightly.history import Judged, append, judged_in, read_claims, read_nights, read_series
+from actin_xcheck.nightly.items import Group, group_of
 from actin_xcheck.nightly.plan import past
 from actin_xcheck.nightly.record import FILE_NAME, Done, read_night
 from actin_xcheck.runs.records import write_table
@@ -31,7 +30,7 @@ from tests.histories import night
 from tests.lab import FEM, FV
 from tests.nights import Stub, only_night
 
-here, a_night = nights.here, nights.night  # fixtures
+a_night = nights.night  # a fixture
 
 OLD = (Path(__file__).parent / "history_before.sql").read_text(encoding="utf-8")
 STATIC = f"compare static-decay {FEM} {FV} refine 3"
@@ -145,8 +144,8 @@ def test_the_plan_knows_what_the_old_nights_knew(old):
 AT_ONCE = """
 import sys
 import actin_xcheck
-from actin_xcheck.nightly.history.database import append, read_series
-from actin_xcheck.nightly.history.record import Night
+from actin_xcheck.nightly.history import append, read_series
+from actin_xcheck.nightly.record import Night
 print("ready", flush=True)
 sys.stdin.readline()
 found = len(read_series(sys.argv[1]))

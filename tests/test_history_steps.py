@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from actin_xcheck.nightly.history.changes import FALSE_ALARM, Shape, changes
-from actin_xcheck.nightly.history.record import Kind, Series
-from actin_xcheck.nightly.history.steps import events
+from actin_xcheck.nightly.changes import FALSE_ALARM, changes
+from actin_xcheck.nightly.differences import Shape, events
+from actin_xcheck.nightly.history import Series
+from actin_xcheck.nightly.record import Kind
 from tests.histories import NIGHTS, ROUND_OFF, history, later, night, noise, series
 
 # changes of one sequence

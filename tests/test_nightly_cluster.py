@@ -7,11 +7,9 @@ import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.history.record import Kind
+from actin_xcheck.nightly.carry_out import Asked, carry_out
 from actin_xcheck.nightly.plan import past
-from actin_xcheck.nightly.record import FILE_NAME, Done
-from actin_xcheck.nightly.remote import carry_out_elsewhere
-from actin_xcheck.runs.version import code
+from actin_xcheck.nightly.record import FILE_NAME, Done, Kind
 from tests.nights import Stub, only_night
 from tests.processes import cluster
 from tests.test_cli import cli
@@ -42,25 +40,20 @@ def test_checks_go_to_the_cluster_and_costs_are_measured_here(tmp_path: Path) ->
     assert all(planned[name] == one.seconds > 0 for name, one in there.items())
 
 
-def asked(folder: Path, *words: str, **options) -> work.Task:
-    (folder / FILE_NAME).touch()
-    version = options.pop("code", code())
-    return work.Task(Stub("a stub", **options), folder, 0.0, float("inf"), version)
-
-
 @pytest.mark.slow
 def test_a_workers_check_has_a_process_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = carry_out_elsewhere(asked(tmp_path))
+    (tmp_path / FILE_NAME).touch()
+    done = carry_out(Asked(Stub("a stub"), away=True), tmp_path)
     assert isinstance(done, Done)
     assert (done.red, done.folder) == (0, "checks/a_stub")
     assert [number.key for number in done.numbers] == ["error/a stub"]
     assert done.seconds > 0
-    done = carry_out_elsewhere(asked(tmp_path, how="dies"))
+    done = carry_out(Asked(Stub("a stub", how="dies"), away=True), tmp_path)
     assert isinstance(done, Done)
     assert done.trouble == "broke down: its process ended with exit code 7"
-    with pytest.raises(UserError, match="another version of the code"):
-        carry_out_elsewhere(asked(tmp_path, code="other"))
-    task = asked(tmp_path)
     (tmp_path / FILE_NAME).unlink()
     with pytest.raises(UserError, match=f"does not see {tmp_path}; valid: --out names a folder"):
-        carry_out_elsewhere(task)
+        carry_out(Asked(Stub("a stub"), away=True), tmp_path)
+    monkeypatch.setattr(work, "code", lambda: "other")
+    with pytest.raises(UserError, match="another version of the code"):
+        carry_out(Asked(Stub("a stub"), away=True), tmp_path)

@@ -10,16 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck.cli import nightly as commands
 from actin_xcheck.cli.output import NightAnswer
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.checks import Checked, Control, Diluted, control
-from actin_xcheck.nightly.groups import Group, group_of
-from actin_xcheck.nightly.junit import junit
+from actin_xcheck.nightly.dashboard import junit
+from actin_xcheck.nightly.items import Checked, Control, Diluted, Group, control, group_of
 from actin_xcheck.nightly.plan import suite
-from actin_xcheck.nightly.record import FILE_NAME
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -35,26 +32,33 @@ from tests.claims import claim
 from tests.lab import FEM, FV
 from tests.nights import ROOT, Stub, only_night
 
-here, night = nights.here, nights.night  # fixtures
+night = nights.night  # a fixture
 
 # what is read by others
 
 
-def test_mistakes_are_one_line(night, tmp_path):
-    for options, said in (
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
         ({"fault": "no-such"}, "--fault: 'no-such' is not a fault; valid: rim-integral-sign"),
         ({"baseline": "2020"}, "no such file"),
         ({"resume": True}, "--resume: no night in"),
-        ({"only": ["x"]}, "--only: no check is called 'x'"),
-    ):
-        with pytest.raises(UserError, match=said):
-            commands.nightly_command(out_dir=tmp_path, quiet=True, **options)
-    assert list(tmp_path.glob(f"*/{FILE_NAME}")) == []
+        (
+            {"resume": True, "failed": True},
+            "--resume: goes on with what the night was begun with; valid: without",
+        ),
+        ({"only": ("x",)}, "--only: no check is called 'x'"),
+    ],
+)
+def test_a_mistake_is_one_line_and_makes_no_folder(night, tmp_path, wish, said):
+    with pytest.raises(UserError, match=said):
+        night(Stub("one"), **wish)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_summary_says_what_fails(night, tmp_path, capsys):
     stubs = (Stub("green"), Stub("red", value=3.0), Stub("none", value=np.nan), Stub("large", 1e3))
-    assert night(*stubs, budget=1.0, as_json=True) == 1
+    assert night(*stubs, minutes=1.0, as_json=True) == 1
     said = json.loads(capsys.readouterr().out)
     kept = only_night(tmp_path)
     assert said == json.loads((kept.folder / "summary.json").read_text())
@@ -73,7 +77,7 @@ def test_junit_counts_what_fails_breaks_and_is_skipped(night, tmp_path):
         Stub("breaks", how="raises"),
         Stub("large", 1e3),
     )
-    night(*stubs, budget=1.0)
+    night(*stubs, minutes=1.0)
     kept = only_night(tmp_path)
     assert (kept.folder / "junit.xml").read_bytes() == junit(kept)
     root = ET.fromstring(junit(kept))
@@ -91,7 +95,7 @@ def test_junit_counts_what_fails_breaks_and_is_skipped(night, tmp_path):
         for tag, count in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
             assert len(suite_.findall(f"testcase/{tag}")) == int(suite_.get(count))
     assert root.find("testsuite/testcase/failure").get("message") == "3 > 1"
-    assert "no such ? mesh" in root.find("testsuite/testcase/error").get("message")  # \x01 is no XML
+    assert "no such \\x01 mesh" in root.find("testsuite/testcase/error").get("message")
 
 
 def test_a_baseline_must_not_be_undercut(night, tmp_path, capsys):
@@ -202,7 +206,7 @@ def test_controls_are_held_against_the_checks_that_reach_them(night, tmp_path):
 
 def test_a_control_is_not_red_where_checks_it_needs_had_no_time(night, tmp_path):
     plan = (small(FEM), replace(small(FEM, FV), guess=1e3))
-    assert night(*plan, controls=[Control("fv-leak", 0.1)], budget=1.0) == 0
+    assert night(*plan, controls=[Control("fv-leak", 0.1)], minutes=1.0) == 0
     why = {one.name: one.why for one in only_night(tmp_path).left_out}
     assert why["fault fv-leak"] == "no check that calls what it replaces was run and is green"
 

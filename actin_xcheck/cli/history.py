@@ -26,8 +26,8 @@ def history_command(
     from actin_xcheck.cli import history_tables as tables
     from actin_xcheck.cli.options import print_table
     from actin_xcheck.core.errors import UserError
-    from actin_xcheck.nightly.history.database import read_nights, read_series
-    from actin_xcheck.nightly.history.steps import events
+    from actin_xcheck.nightly.changes import events
+    from actin_xcheck.nightly.history import read_nights, read_series
 
     nights = read_nights(file)
     series = read_series(file, key or "*") if steps or key else []
@@ -65,8 +65,8 @@ def diff_command(
 
     from actin_xcheck.cli import history_tables as tables
     from actin_xcheck.cli.options import print_table
-    from actin_xcheck.nightly.history.database import find_night, read_claims, read_nights, read_numbers
-    from actin_xcheck.nightly.history.steps import differences, turned
+    from actin_xcheck.nightly.differences import differences, turned
+    from actin_xcheck.nightly.history import find_night, read_claims, read_nights, read_numbers
 
     nights = read_nights(file)
     before, after = (find_night(nights, name).night for name in (old, new))

@@ -11,10 +11,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from actin_xcheck.nightly.history.changes import Shape
-from actin_xcheck.nightly.history.database import Counted
-from actin_xcheck.nightly.history.record import Series
-from actin_xcheck.nightly.history.steps import Difference, Event, Turned
+from actin_xcheck.nightly.differences import Difference, Event, Shape, Turned
+from actin_xcheck.nightly.history import Counted, Series
 
 SHOWN = 40
 """Lines of a table of changes at most; --json has them all."""

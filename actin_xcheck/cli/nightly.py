@@ -4,20 +4,21 @@ import time
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.options import Json, command
+from actin_xcheck.cli.options import Json, Quiet, command
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from actin_xcheck.cli.output import NightAnswer
+    from actin_xcheck.nightly.plan import Plan, Wish
     from actin_xcheck.nightly.record import Kept
+    from actin_xcheck.runs.executor import Executor
 
 SUMMARY, JUNIT = "summary.json", "junit.xml"
-
-PAGES = 0.08
-"""Share of a budget that is left for pages and the history."""
 
 
 def nightly_command(
@@ -47,7 +48,7 @@ def nightly_command(
     ] = None,
     out_dir: Annotated[Path, typer.Option("--out", help="Folder of all nights.")] = Path("reports"),
     as_json: Json = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run the verification suite, keep its numbers, and draw the dashboard: index.html over all nights.
 
@@ -55,102 +56,62 @@ def nightly_command(
     and times: first what failed last, then what is cheapest.  Exit code 0 when all is green, 1 when not, 2
     for a mistake in what was asked.  A night with a deliberate fault is no part of the history.
     """
-    from contextlib import ExitStack
-    from dataclasses import replace
-    from datetime import UTC, datetime
+    from actin_xcheck.nightly.plan import Wish, suite
+    from actin_xcheck.runs.executor import executor, jobs_asked
 
+    patterns, again = tuple(only or ()), command()
+    wish = Wish(out_dir, budget, fault or "", baseline or "", patterns, failed, resume, again)
+    processes = executor(jobs_asked(jobs, scheduler), scheduler)
+    raise typer.Exit(spend(wish, suite(), processes, scheduler is not None, as_json, quiet))
+
+
+def spend(
+    wish: "Wish",
+    suite: "Plan",
+    processes: "AbstractContextManager[Executor]",
+    away: bool = False,
+    as_json: bool = False,
+    quiet: bool = True,
+    kernel: float | None = None,
+    **how: Any,
+) -> int:
+    """Carry a night out, write all that is read of it, say what it came to, and return the exit code.
+
+    Parameters
+    ----------
+    wish, suite : what is asked for, of what there is.
+    processes, away : what has processes for its checks, once it is entered; whether they are a cluster's.
+    kernel : seconds that the reference kernel takes; None: to be measured.
+    how : see `carry_through`.
+    """
     from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress
-    from actin_xcheck.core.errors import UserError
-    from actin_xcheck.core.files import locked, replace_file
-    from actin_xcheck.nightly.carry_out import Work, carry_out, work_through
-    from actin_xcheck.nightly.checks import night_long
-    from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
-    from actin_xcheck.nightly.history.database import find_night, read_nights
-    from actin_xcheck.nightly.junit import junit
-    from actin_xcheck.nightly.night import (
-        against_baseline,
-        begin,
-        check_same_code,
-        fault_missed,
-        gone_on_with,
-        without_watching,
-    )
-    from actin_xcheck.nightly.nights import HISTORY, new_folder, remember, unfinished
-    from actin_xcheck.nightly.plan import chosen, past, suite
-    from actin_xcheck.nightly.record import FILE_NAME, Journal, Kept, read_night
-    from actin_xcheck.nightly.remote import carry_out_elsewhere
-    from actin_xcheck.runs.executor import executor, jobs_asked
+    from actin_xcheck.core.files import replace_file
+    from actin_xcheck.nightly.carry_out import carry_through
+    from actin_xcheck.nightly.dashboard import junit, write_dashboard, write_night_page, write_scene_pages
+    from actin_xcheck.nightly.plan import begun
     from actin_xcheck.runs.machine import reference_kernel
-    from actin_xcheck.studies.folder import make_folder
 
-    history, count = out_dir / HISTORY, jobs_asked(jobs, scheduler)
-    if resume and (only or failed or fault or baseline):
-        raise UserError(
-            "--resume: goes on with what the night was begun with; "
-            "valid: without --only, --failed, --fault and --baseline"
-        )
-    make_folder(out_dir)
-    kernel = float(reference_kernel()[0])
-    known = past(history, kernel)
-    plan = chosen(without_watching(suite()) if fault else suite(), only or (), failed, known)
-    if fault:
-        with night_long(fault):
-            plan = replace(plan, controls=(), costs=())
-    if baseline:
-        find_night(read_nights(history), baseline)
-    begun_at = time.time()
-    with ExitStack() as opened:
-        processes = opened.enter_context(executor(count, scheduler))  # before there is a folder
-        folder = unfinished(out_dir).folder if resume else new_folder(out_dir, datetime.now(UTC))
-        opened.enter_context(locked(folder / FILE_NAME))
-        journal = Journal(folder / FILE_NAME)
-        if resume:
-            kept = read_night(folder)
-            plan = gone_on_with(kept, suite())
-            check_same_code(kept)
-        else:
-            begun = begin(folder, plan, budget, fault or "", baseline or "", command(), kernel)
-            kept = Kept(folder, begun)
-            journal.begin(kept.begun)
-        minutes = budget or kept.begun.minutes
-        spent = 0.0 if budget else kept.seconds
-        deadline = begun_at + 60 * minutes * (1 - PAGES) - spent
-        work: Work = carry_out
-        if scheduler:
-            work, kept = carry_out_elsewhere, replace(kept, folder=folder.resolve())
-        with Progress(quiet, deadline - time.time()) as progress:
-            over, left_out = work_through(
-                plan, kept, journal, known, processes, work, deadline, progress.report
-            )
-        kept = replace(kept, done=tuple(over), left_out=tuple(left_out))
-        for found in (against_baseline(history, kept), fault_missed(kept)):
-            if found:
-                journal.keep(found, kept.seconds + time.time() - begun_at)
-                kept = replace(kept, done=(*kept.done, found))
-        kept = replace(kept, seconds=kept.seconds + time.time() - begun_at)
-        if not kept.begun.fault:
-            remember(history, kept)
-        journal.close(left_out, kept.seconds)
-        kept = read_night(folder)
-        replace_file(folder / JUNIT, junit(kept))
-        write_scene_pages(folder)
-        page = write_night_page(folder)
-        answer = _answer(kept, page)
-        replace_file(folder / SUMMARY, answer.model_dump_json(indent=1).encode("utf-8"))
-    index = write_dashboard(out_dir)
+    seconds = kernel or float(reference_kernel()[0])
+    with processes as workers, begun(wish, suite, seconds) as tonight:
+        with Progress(quiet, tonight.deadline - time.time()) as progress:
+            kept = carry_through(tonight, wish.history, workers, progress.report, away, **how)
+        replace_file(kept.folder / JUNIT, junit(kept))
+        write_scene_pages(kept.folder)
+        answer = _answer(kept, write_night_page(kept.folder))
+        replace_file(kept.folder / SUMMARY, answer.model_dump_json(indent=1).encode("utf-8"))
+    index = write_dashboard(wish.reports)
     if as_json:
         say(answer)
     else:
         _print(kept, answer, index)
-    raise typer.Exit(0 if kept.green else 1)
+    return 0 if kept.green else 1
 
 
 def _answer(kept: "Kept", page: Path) -> "NightAnswer":
     from actin_xcheck.cli.output import FailedClaim, NightAnswer
-    from actin_xcheck.nightly.groups import group_of
+    from actin_xcheck.nightly.items import group_of
 
-    verdicts = Counter(claim.verdict for claim in kept.claims)
     failing = [
         FailedClaim(check=done.name, group=group_of(claim), key=claim.key, file=file, **asdict(claim))
         for done in kept.done
@@ -164,7 +125,7 @@ def _answer(kept: "Kept", page: Path) -> "NightAnswer":
         green=kept.green,
         fault=kept.begun.fault,
         seconds=kept.seconds,
-        claims=dict(verdicts),
+        claims=dict(Counter(claim.verdict for claim in kept.claims)),
         failed=tuple(failing),
         troubles={done.name: done.trouble for done in kept.done if done.trouble},
         not_run={one.name: one.why for one in kept.left_out},

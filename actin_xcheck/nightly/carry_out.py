@@ -1,175 +1,168 @@
-"""A night at work: its checks in processes of their own, each begun only if it is expected to fit.
+"""A night at work: a study whose tasks are checks, each begun only if it is expected to fit.
 
 A check that breaks down is red and says why.  One that the budget, its patience, a machine without memory or
-disk, or somebody else has stopped is not run, for that says nothing about the code.  The night goes on either
-way, and what is over is kept at once.
+disk, or somebody else has stopped is not run, for that says nothing about the code: the journal keeps no
+answer of it.  Each check has a process of its own, which can be stopped in time and tells its memory.
 """
 
+import math
+import os
+import pickle
 import signal
+import socket
+import subprocess
+import sys
+import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.errors import starved
+from actin_xcheck.core.errors import LONGEST, UserError, brief, starved
+from actin_xcheck.core.files import locked
 from actin_xcheck.core.work import WORK
-from actin_xcheck.nightly.checks import Checked, Control, Found, Item, NotDecided, night_long
-from actin_xcheck.nightly.groups import no_verdict
-from actin_xcheck.nightly.history.record import Kind, Number
-from actin_xcheck.nightly.plan import Past, Plan
-from actin_xcheck.nightly.record import Done, Journal, Kept, NotRun
+from actin_xcheck.nightly.differences import against
+from actin_xcheck.nightly.history import (
+    find_night,
+    judged_in,
+    numbers_of,
+    read_claims,
+    read_nights,
+    read_numbers,
+    remember,
+)
+from actin_xcheck.nightly.items import Checked, Control, Found, Item, NotDecided, night_long, no_verdict
+from actin_xcheck.nightly.plan import Plan, Tonight
+from actin_xcheck.nightly.record import FILE_NAME, STUDY, Done, Kept, Kind, NotRun, Number, write_night
 from actin_xcheck.runs.alone import prepare, work_alone
-from actin_xcheck.runs.executor import Executor, Lost, executor
+from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.executor import Executor, Lost, how_ended
 from actin_xcheck.runs.machine import forget_peak, peak_memory
-from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.version import code
-from actin_xcheck.runs.workers import Report, in_turn
-from actin_xcheck.studies.faults.checks import QUIET
+from actin_xcheck.runs.version import check_code, code
+from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.fault import Calls
+from actin_xcheck.studies.faults.hunt import control, missed
+from actin_xcheck.studies.study import Alone, Batch, Report, Study, Table, Task, Tell, report_of
 
-PATIENCE = 10.0
-"""How many times as long as expected a check may take."""
-
-LEAST_PATIENCE = 300.0
-"""Seconds that every check may take."""
-
-SOLVERS = sorted({method.solver.split(":")[0] for method in METHODS.values()})
-"""What the processes of the checks find imported."""
+PATIENCE, LEAST_PATIENCE = 10.0, 300.0
+"""How many times as long as expected a check may take, and seconds that every check may take."""
 
 TRIED = 4
 """Checks that a control is reckoned to need until one turns red."""
 
-FOLDER = "checks"
-"""Where the files of the checks are, in a night's folder."""
-
 
 @dataclass(frozen=True)
-class Task:
-    """A check as it is handed to a process.
+class Asked:
+    """A check as it is asked for.
 
     Attributes
     ----------
     item : what to carry out.
-    night : folder of the night.
-    expected : seconds that it will take.
-    deadline : moment by which it must be over, in seconds since the epoch; inf without a limit.
-    code : version of the code that asks.
     fault : a deliberate fault to switch on; empty without.
+    expected : seconds that it will take.
+    deadline : moment by which it must be over, in seconds since the epoch.
+    patience : seconds that it may take at least.
+    away : whether a worker of a cluster does it, in whose threads nothing can be stopped.
     """
 
     item: Item
-    night: Path
-    expected: float
-    deadline: float
-    code: str
     fault: str = ""
+    expected: float = field(default=0.0, compare=False)
+    deadline: float = field(default=math.inf, compare=False)
+    patience: float = field(default=LEAST_PATIENCE, compare=False)
+    away: bool = field(default=False, compare=False)
 
     @property
-    def folder(self) -> Path:
-        """Where its files go."""
-        return self.night / FOLDER / "".join(c if c.isalnum() or c in "-." else "_" for c in self.item.name)
+    def folder(self) -> str:
+        """Where its files go, in the night's folder."""
+        return "checks/" + "".join(c if c.isalnum() or c in "-." else "_" for c in self.item.name)
 
 
-Work = Callable[[Task], Done | NotRun]
-"""What a process does with a check that it is given."""
+@dataclass(frozen=True)
+class Stopped(Lost):
+    """Why there is no answer, which says nothing about the check; the seconds after which it was stopped."""
+
+    seconds: float = 0.0
 
 
 class _OutOfTime(BaseException):
     """Not an Exception, so that nothing takes it for one of its own."""
 
 
-@dataclass(frozen=True)
-class _Answer:
-    """What the process of a check tells: what it found or why not, and what that took."""
-
-    found: Found | None
-    trouble: str
-    undecided: str
-    called: bool
-    seconds: float
-    memory: int
-    work: Mapping[str, int]
-
-
-def carry_out(task: Task) -> Done | NotRun:
-    """Carry out a check in a process of its own, unless it is not expected to be over in time."""
-    name, left = task.item.name, task.deadline - time.time()
-    if task.expected > left:
-        return NotRun(name, f"{task.expected:.1f} s expected, {max(left, 0):.1f} s left")
-    patience = max(PATIENCE * task.expected, LEAST_PATIENCE)
-    task.folder.mkdir(parents=True, exist_ok=True)
-    prepare([Found.__module__, *SOLVERS])
+def carry_out(asked: Asked, night: Path) -> Done | Stopped:
+    """Carry out a check, with files into the night's folder, unless it is not expected to be over in time."""
+    if asked.away:
+        return _elsewhere(asked, night)
+    left = asked.deadline - time.time()
+    if asked.expected > left:
+        return Stopped(f"{asked.expected:.1f} s expected, {max(left, 0):.1f} s left")
+    patience = max(PATIENCE * asked.expected, asked.patience)
+    (night / asked.folder).mkdir(parents=True, exist_ok=True)
+    prepare([__name__])
     began = time.perf_counter()
     try:
         with _limited(min(patience, left)):
-            answer = work_alone(_find, task, QUIET)
+            alone = asked.item.timed  # it has a process of its own already
+            answer = _find((asked, night)) if alone else work_alone(_find, (asked, night))
     except _OutOfTime:
         spent = time.perf_counter() - began
         why = "at the end of the budget, " if left < patience else ""
-        said = f"stopped {why}after {spent:.1f} s; {task.expected:.1f} s had been expected"
-        return NotRun(name, said, spent)
-    if isinstance(answer, Lost):
-        return ended(name, answer, time.perf_counter() - began)
-    if answer.undecided:
-        return NotRun(name, answer.undecided)
-    return _done(task, answer)
+        said = f"stopped {why}after {spent:.1f} s; {asked.expected:.1f} s had been expected"
+        return Stopped(said, seconds=spent)
+    if isinstance(answer, Done | Stopped):
+        return answer
+    return ended(asked.item.name, answer, time.perf_counter() - began)
 
 
-def ended(name: str, lost: Lost, seconds: float) -> Done | NotRun:
+def ended(name: str, lost: Lost, seconds: float) -> Done | Stopped:
     """A check whose process has ended: not run where that was killed, else red, for it came to no verdict."""
     if lost.killed:
-        return NotRun(name, lost.message, seconds)
+        return Stopped(lost.message, seconds=seconds)
     trouble = f"broke down: {lost.message}"
     return Done(name, (no_verdict(name, trouble),), ("",), (), seconds, trouble)
 
 
-def _find(task: Task, report: Report) -> _Answer:
+def _find(given: tuple[Asked, Path]) -> Done | Stopped:
     """In the process: carry the check out and measure it."""
-    found, trouble, undecided = None, "", ""
+    asked, night = given
+    name, folder = asked.item.name, night / asked.folder
+    found, trouble = None, ""
     WORK.clear()
     forget_peak()
     before, began = peak_memory(), time.perf_counter()
-    with _faulty(task.fault) as calls, in_turn():
+    with _faulty(asked.fault) as calls, in_turn():
         try:
-            found = task.item.find(task.folder)
+            found = asked.item.find(folder)
         except NotDecided as error:
-            undecided = str(error)
+            return Stopped(str(error))
         except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
+            said = brief(" ".join(f"{type(error).__name__}: {error}".split()), LONGEST)
             if starved(error):
-                undecided = f"the machine has not enough memory, disk or files for it ({said})"
-            else:
-                trouble = f"broke down: {said}"
-    seconds = time.perf_counter() - began
-    memory = max(peak_memory() - before, 0)
-    return _Answer(found, trouble, undecided, calls.count > 0, seconds, memory, dict(WORK))
-
-
-def _done(task: Task, answer: _Answer) -> Done:
-    """What is kept of a check."""
-    name, found = task.item.name, answer.found or Found((no_verdict(task.item.name, answer.trouble),), ("",))
-    where = task.folder.relative_to(task.night).as_posix()
-    if not any(task.folder.iterdir()):
-        task.folder.rmdir()
+                return Stopped(f"the machine has not enough memory, disk or files for it ({said})")
+            trouble = f"broke down: {said}"
+    seconds, memory = time.perf_counter() - began, max(peak_memory() - before, 0)
+    found = found or Found((no_verdict(name, trouble),), ("",))
+    where = asked.folder
+    if not any(folder.iterdir()):
+        folder.rmdir()
         where = ""
-    numbers = [
-        Number(f"seconds/{name}", Kind.TIME, answer.seconds, "s"),
-        Number(f"memory/{name}", Kind.MEMORY, float(answer.memory), "bytes"),
-        *(Number(f"{what}/{name}", Kind.COUNT, float(count)) for what, count in sorted(answer.work.items())),
-        *(replace(one, source=_within(where, one.source)) for one in found.numbers),
-    ]
+    numbers = (
+        Number(f"seconds/{name}", Kind.TIME, seconds, "s"),
+        Number(f"memory/{name}", Kind.MEMORY, float(memory), "bytes"),
+        *(Number(f"{what}/{name}", Kind.COUNT, float(count)) for what, count in sorted(WORK.items())),
+        *(
+            one if one.source.startswith("python ") else replace(one, source=f"{where}/{one.source}")
+            for one in found.numbers
+        ),
+    )
     files = tuple(f"{where}/{file}" if file else "" for file in found.files)
-    reached = (*found.reached, task.fault) if answer.called else found.reached
-    return Done(name, found.claims, files, tuple(numbers), answer.seconds, answer.trouble, reached, where)
-
-
-def _within(where: str, source: str) -> str:
-    """The source of a number: files of the check's folder get that before them, commands do not."""
-    return source if source.startswith("python ") else f"{where}/{source}"
+    reached = (*found.reached, asked.fault) if calls.count > 0 else found.reached
+    return Done(name, found.claims, files, numbers, seconds, trouble, reached, where)
 
 
 @contextmanager
@@ -185,7 +178,7 @@ def _faulty(fault: str) -> Iterator[Calls]:
 @contextmanager
 def _limited(seconds: float) -> Iterator[None]:
     """Raise _OutOfTime after so many seconds, where the system can."""
-    if not hasattr(signal, "setitimer") or seconds == float("inf"):
+    if not hasattr(signal, "setitimer") or seconds == math.inf:
         yield
         return
 
@@ -201,69 +194,125 @@ def _limited(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def work_through(
-    plan: Plan,
-    kept: Kept,
-    journal: Journal,
-    known: Past,
+def _elsewhere(asked: Asked, night: Path) -> Done | Stopped:
+    """Carry out a check for another machine, by a process whose main thread can be stopped in time.
+
+    Times and memory are no numbers of that machine and are left out; `Done.seconds` stays, for the plan.
+    Workers may be daemons, which `multiprocessing` allows no children.
+    """
+    call = [sys.executable, "-c", f"from {__name__} import answer; answer()"]
+    began = time.perf_counter()
+    with subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(pickle.dumps((code(), replace(asked, away=False), night)))
+        process.stdin.flush()  # and not closed: that tells the process that its worker has ended
+        said = process.stdout.read()
+    if not said:
+        return ended(asked.item.name, how_ended(process.returncode), time.perf_counter() - began)
+    found: Done | Stopped | UserError = pickle.loads(said)
+    if isinstance(found, UserError):
+        raise found
+    if isinstance(found, Stopped):
+        return found
+    numbers = tuple(one for one in found.numbers if not one.kind.of_machine)
+    return replace(found, numbers=numbers, host=socket.gethostname())
+
+
+def answer() -> None:
+    """In the process: carry out the check that standard input holds; what else is printed is no answer."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    version, asked, night = pickle.load(sys.stdin.buffer)
+
+    def follow() -> None:
+        os.read(0, 1)  # its end, when the worker ends; sys.stdin would be locked when this process does
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+    found: Done | Stopped | UserError
+    try:
+        check_code(version)  # of what is imported here, and serves other commands later
+        if not (night / FILE_NAME).exists():
+            raise UserError(
+                f"the worker on {socket.gethostname()} does not see {night}; "
+                "valid: --out names a folder that all machines share"
+            )
+        place = night / asked.folder
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with locked(place):  # a check that nobody waits for any more may still be at work there
+            found = carry_out(asked, night)
+    except UserError as mistake:
+        found = mistake
+    with out:
+        out.write(pickle.dumps(found))
+
+
+def carry_through(
+    tonight: Tonight,
+    history: Path,
     processes: Executor,
-    work: Work,
-    deadline: float,
-    report: Report,
-) -> tuple[list[Done], list[NotRun]]:
-    """Carry out what of a plan has not been yet, and keep it.
+    tell: Tell,
+    away: bool = False,
+    patience: float = LEAST_PATIENCE,
+    alone: Alone = work_alone,
+) -> Kept:
+    """Carry out what of a night has not been yet, judge all of it, and keep it.
 
     Parameters
     ----------
-    plan : what to do: first its checks, then its costs one by one on this machine, then its controls.
-    kept : the night as far as it has come.
-    journal : where results go.
-    known : what the past says of the checks' times.
-    processes, work : what has the processes for checks and controls, and what those do.
-    deadline : moment of the budget's end, in seconds since the epoch.
-    report : told how many are over.
-
-    Returns
-    -------
-    What is over, earlier results among it, and what was left out.
+    history : of all nights.
+    processes, tell, alone : see `studies.study.carry_out`; `away` where the processes are a cluster's.
+    patience : see `Asked`.
     """
-    began, over, left_out = time.time() - kept.seconds, list(kept.done), list[NotRun]()
-    total = len(plan.items)
+    kept, began = tonight.kept, time.time()
+    report = report_of(STUDY, night(tonight, away, patience), kept.folder, processes, tell, alone)
+    done, left_out = (tuple(report.tables[name].rows) for name in ("checks", "not run"))
+    kept = replace(kept, done=done, left_out=left_out)
+    for judge in (_against_baseline, _fault_missed):
+        kept = replace(kept, done=(*kept.done, *judge(history, kept)))
+    kept = replace(kept, seconds=kept.seconds + time.time() - began, closed=True)
+    if not kept.begun.fault:
+        remember(history, kept)
+    write_night(kept)
+    return kept
 
-    def go_on(items: Sequence[Item], processes: Executor, work: Work) -> None:
-        names = {one.name for one in over}
-        tasks = [
-            Task(item, kept.folder, known.expected(item), deadline, code(), kept.begun.fault)
-            for item in items
-            if item.name not in names
-        ]
-        for number, result in processes.results(work, tasks):
-            if isinstance(result, Lost):
-                result = ended(tasks[number].item.name, result, 0.0)
-            if isinstance(result, Done):
-                over.append(result)
-                journal.keep(result, time.time() - began)
-            else:
-                left_out.append(result)
-            report("night", len(over) + len(left_out), total)
 
-    go_on(plan.checks, processes, work)
-    with executor(1) as alone:
-        go_on(plan.costs, alone, carry_out)
-    controls, undecided = _controls(plan, over, left_out, known.pace)
-    left_out += undecided
-    go_on(sorted(controls, key=known.order), processes, work)
-    return over, left_out
+def night(tonight: Tonight, away: bool = False, patience: float = LEAST_PATIENCE) -> Study:
+    """A night's checks, then its costs one by one on this machine, then its controls."""
+    plan, known, fault = tonight.plan, tonight.known, tonight.kept.begun.fault
+
+    def tasks(items: Sequence[Item]) -> list[Task]:
+        found = []
+        for turn, item in enumerate(items):
+            seconds, there = known.expected(item), away and not item.timed
+            asked = Asked(item, fault, seconds, tonight.deadline, patience, there)
+            found.append(Task(carry_out, asked, seconds, lost=_left_out, alone=item.timed, turn=turn))
+        return found
+
+    later = sum(known.expected(item) for item in plan.controls)
+    answers: list[Done | NotRun] = yield Batch(tasks([*plan.checks, *plan.costs]), later)
+    controls, undecided = _controls(plan, answers, known.pace)
+    answers += yield tasks(sorted(controls, key=known.order))
+    over = tuple(one for one in answers if isinstance(one, Done))
+    left_out = (*(one for one in answers if isinstance(one, NotRun)), *undecided)
+    return Report("", "", {"checks": Table("Checks", over), "not run": Table("Not run", left_out)})
+
+
+def _left_out(asked: Asked, lost: Lost) -> Done | NotRun:
+    """What stands for an answer that there is not."""
+    found = lost if isinstance(lost, Stopped) else ended(asked.item.name, lost, 0.0)
+    return found if isinstance(found, Done) else NotRun(asked.item.name, found.message, found.seconds)
 
 
 def _controls(
-    plan: Plan, over: Sequence[Done], left_out: Sequence[NotRun], pace: float
+    plan: Plan, answers: Sequence[Done | NotRun], pace: float
 ) -> tuple[list[Control], list[NotRun]]:
     """The controls with the checks that are green and call what they replace, the quickest first.
 
     Their guesses are tonight's seconds, in those that take `pace` of them.
     """
-    done = {one.name: one for one in over}
+    done = {one.name: one for one in answers if isinstance(one, Done)}
     green = sorted(
         (
             (item, done[item.name])
@@ -272,16 +321,38 @@ def _controls(
         ),
         key=lambda pair: (not pair[0].check.bounded, pair[1].seconds),
     )
-    whole = not {item.name for item in plan.checks} & {one.name for one in left_out}
+    whole = all(item.name in done for item in plan.checks)
     ready, undecided = [], []
-    for control in plan.controls:
-        ours = [(item.check, one.seconds) for item, one in green if control.target in one.reached]
+    for one in plan.controls:
+        ours = [(item.check, over.seconds) for item, over in green if one.target in over.reached]
         checks = tuple(check for check, _ in ours)
         if checks or whole:
             guess = sum(seconds for _, seconds in ours[:TRIED]) / pace
-            ready.append(replace(control, guess=guess, checks=checks, whole=whole))
+            ready.append(replace(one, guess=guess, checks=checks, whole=whole))
         else:
-            undecided.append(
-                NotRun(control.name, "no check that calls what it replaces was run and is green")
-            )
+            undecided.append(NotRun(one.name, "no check that calls what it replaces was run and is green"))
     return ready, undecided
+
+
+def _against_baseline(history: Path, kept: Kept) -> list[Done]:
+    """The comparison with the baseline, as a check of its own, where there is one."""
+    if not kept.begun.baseline:
+        return []
+    began = time.perf_counter()
+    earlier = find_night(read_nights(history), kept.begun.baseline).night
+    old = read_numbers(history, earlier.name), read_claims(history, earlier.name)
+    new = list(numbers_of(kept)), {one.key: one for one in judged_in(kept.done)}
+    again = command("diff", earlier.name, kept.begun.name, file=history)
+    claims = tuple(against(earlier, again, old, new))
+    return [Done(f"baseline {earlier.name}", claims, ("",) * len(claims), (), time.perf_counter() - began)]
+
+
+def _fault_missed(history: Path, kept: Kept) -> list[Done]:
+    """A deliberate fault with which all stayed green, as a control that fails."""
+    judged = [one for one in kept.done if not one.trouble and not one.name.startswith("baseline ")]
+    if not kept.begun.fault or any(one.red for one in judged):
+        return []
+    passed = tuple(one.name for one in kept.done)
+    why = f"missed: none of the night's {len(passed)} checks turned red"
+    claim = control(missed(FAULTS[kept.begun.fault], passed, why))
+    return [Done(f"fault {kept.begun.fault}", (claim,), ("",), (), 0.0)]

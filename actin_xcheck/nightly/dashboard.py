@@ -1,21 +1,24 @@
-"""The pages of the nights: one for each, from its own file, and one over all, from the history."""
+"""The pages of the nights: one for each, from its own file, one over all, from the history; and JUnit XML."""
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from html import escape
+from io import BytesIO
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment
+from markupsafe import Markup
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.nightly.groups import Group, group_of
-from actin_xcheck.nightly.history.database import Counted, read_claims, read_nights, read_series
-from actin_xcheck.nightly.history.record import Judged, Kind, Series
-from actin_xcheck.nightly.history.steps import events
-from actin_xcheck.nightly.nights import HISTORY, nights_in
-from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, read_night
-from actin_xcheck.nightly.sparkline import SHOWN, lights, sparkline
+from actin_xcheck.core.errors import LONGEST, UserError, brief
+from actin_xcheck.nightly.changes import events
+from actin_xcheck.nightly.history import FILE_NAME as HISTORY
+from actin_xcheck.nightly.history import Counted, Judged, Series, read_claims, read_nights, read_series
+from actin_xcheck.nightly.items import COMPARISON, Group, group_of
+from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, NotRun, nights_in, read_night, short
 from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import on_triangles
@@ -28,16 +31,22 @@ from actin_xcheck.studies.faults.catalogue import FAULTS
 EVENTS = 60
 """Changes on the page at most; `history --steps` has them all."""
 
+SHOWN = 60
+"""Nights in a line or a row of lights at most, the last ones."""
 
 THUMBNAIL = 60
 """Dots per inch of a scene's picture on the page of a night, twice fewer than in its film strip."""
 
+WIDTH, HEIGHT = 120, 22
+"""Units of a line's drawing: about pixels."""
+
 _SURVEYS = {"Error against work": charting.FILE_NAME, "Where methods fail": "frontier.h5"}
 """Reports that stand beside the nights, by the file each is made from."""
 
+_RANK = {"FAIL": 0, "PASS": 1, "NOT JUDGED": 2}
 
-@dataclass(frozen=True)
-class _Row:
+
+class _Row(NamedTuple):
     """A claim of a night with where it comes from."""
 
     number: int
@@ -46,14 +55,8 @@ class _Row:
     check: Done
     file: str
 
-    @property
-    def state(self) -> str:
-        """As in the style sheet."""
-        return self.claim.verdict.lower().replace(" ", "-")
 
-
-@dataclass(frozen=True)
-class _Light:
+class _Light(NamedTuple):
     """A group of claims as it stands: its verdicts, and how it was in each night."""
 
     group: Group
@@ -63,14 +66,16 @@ class _Light:
     @property
     def state(self) -> str:
         """ "fail" where one fails, "none" where nothing was judged."""
-        if self.verdicts["FAIL"]:
-            return "fail"
-        return "pass" if self.verdicts["PASS"] else "none"
+        return _state(self.verdicts)
+
+
+def _state(verdicts: Counter[str]) -> str:
+    return "fail" if verdicts["FAIL"] else "pass" if verdicts["PASS"] else "none"
 
 
 def write_scene_pages(folder: Path) -> None:
     """Write the report of every comparison in a night's folder, with the film of its cell, beside it."""
-    places = sorted(path.parent for path in (folder / "checks").glob("*/comparison.h5"))
+    places = sorted(path.parent for path in (folder / "checks").glob(f"*/{COMPARISON}"))
     work_off(_scene_page, places, lambda label, done, total: None, str)
 
 
@@ -90,18 +95,17 @@ def write_night_page(folder: Path) -> Path:
         for done in night.done
         for claim, file in zip(done.claims, done.files, strict=True)
     ]
-    rank = {"FAIL": 0, "PASS": 1, "NOT JUDGED": 2}
-    found.sort(key=lambda row: (list(Group).index(row[1]), rank[row[0].verdict]))
+    found.sort(key=lambda row: (list(Group).index(row[1]), _RANK[row[0].verdict]))
     rows = [_Row(number, *row) for number, row in enumerate(found, 1)]
+    groups = {group: [row for row in rows if row.group is group] for group in Group}
     text = _environment(folder).get_template("night.html").render(
         night=night,
         begun=night.begun,
-        rows=rows,
-        groups=[(group, [row for row in rows if row.group is group]) for group in Group],
+        groups=list(groups.items()),
         lights=[
-            _Light(group, Counter(row.claim.verdict for row in rows if row.group is group))
-            for group in Group
-            if any(row.group is group for row in rows)
+            _Light(group, Counter(row.claim.verdict for row in ours))
+            for group, ours in groups.items()
+            if ours
         ],
         failing=[row for row in rows if row.claim.verdict == "FAIL"],
         verdicts=Counter(claim.verdict for claim in night.claims),
@@ -128,14 +132,14 @@ def _pages(night: Kept) -> dict[str, str]:
 def _scenes(night: Kept) -> list[tuple[Done, str]]:
     """The comparisons of a night that have a page, with its place."""
     pages = _pages(night)
-    compared = [done for done in night.done if (night.folder / done.folder / "comparison.h5").exists()]
+    compared = [done for done in night.done if (night.folder / done.folder / COMPARISON).exists()]
     return [(done, pages[done.name]) for done in compared if done.name in pages]
 
 
 def _thumbnail(folder: Path) -> Panel | None:
     """The cell of a comparison's first run in the end; None where its files are gone."""
     try:
-        run = next(iter(read_comparison(folder / "comparison.h5").runs.values()))
+        run = next(iter(read_comparison(folder / COMPARISON).runs.values()))
     except UserError:
         return None
     x, values = run.points[-1], on_triangles(run, len(run.times) - 1)
@@ -177,20 +181,25 @@ def write_dashboard(reports: Path) -> Path:
         nights = series[event.key].nights  # of which the night that a step shares with others need not be one
         own = next((night for night in nights if night.date >= event.night.date), event.night)
         when.setdefault(event.key, set()).add(own.name)
+    lines = {key: sparkline(one, when.get(key, ())) for key, one in series.items()}
     last = counted[-1] if counted else None
+    name = last.night.name if last else ""
     shown = {one.night.name: read_claims(history, one.night.name) for one in counted[-SHOWN:]}
-    claims = shown[last.night.name] if last else {}
+    kept = folders.get(name)
     text = _environment(reports).get_template("dashboard.html").render(
         last=last,
         lights=_lights(shown),
-        claims=_by_check(claims, series, when),
-        numbers=_by_kind(series, last, when),
+        claims=_by_check(shown.get(name, {}), lines),
+        numbers=_by_kind(series, name, lines),
         events=changed[:EVENTS],
         more=max(len(changed) - EVENTS, 0),
         nights=_nights(counted, folders),
         folders=folders,
-        anchors=_anchors(folders[last.night.name]) if last and last.night.name in folders else {},
-        films=_films(folders[last.night.name]) if last and last.night.name in folders else {},
+        anchors={
+            done.name: f"{name}/index.html#check-{number}"
+            for number, done in enumerate(kept.done if kept else (), 1)
+        },
+        films={done.name: f"{name}/{page}" for done, page in (_scenes(kept) if kept else ())},
         surveys=_surveys(reports, ""),
     )  # fmt: skip
     return put_page(reports, text)
@@ -198,134 +207,181 @@ def write_dashboard(reports: Path) -> Path:
 
 def _environment(folder: Path) -> Environment:
     made = environment(folder)
-    made.filters["lights"] = lights
-    made.filters["commit"] = _commit
+    made.filters |= {"lights": lights, "commit": short, "state": lambda claim: _dashed(claim.verdict)}
     return made
 
 
-def _commit(commit: str) -> str:
-    """As it is read; one with changes that were not committed stays told from the others."""
-    revision, dash, state = commit.partition("-")
-    return revision[:12] + dash + state
+def _dashed(verdict: str) -> str:
+    """A verdict as in the style sheet."""
+    return verdict.lower().replace(" ", "-")
 
 
-def _lights(shown: dict[str, dict[str, Judged]]) -> list[_Light]:
+def _lights(shown: Mapping[str, Mapping[str, Judged]]) -> list[_Light]:
     """The groups with their lights in the nights that are shown."""
-    counts = {
-        name: {group: Counter[str]() for group in Group} | _verdicts(claims) for name, claims in shown.items()
-    }
+    counts = {name: {group: Counter[str]() for group in Group} for name in shown}
+    for name, claims in shown.items():
+        for one in claims.values():
+            counts[name][group_of(one.claim)][one.claim.verdict] += 1
     found = []
     for group in Group:
-        nights = [(name, _Light(group, counts[name][group])) for name in shown]
-        if any(light.state != "none" for _, light in nights):
-            before = tuple((name, light.state) for name, light in nights)
-            found.append(_Light(group, nights[-1][1].verdicts, before))
+        before = tuple((name, _state(counts[name][group])) for name in shown)
+        if any(state != "none" for _, state in before):
+            found.append(_Light(group, counts[before[-1][0]][group], before))
     return found
-
-
-def _verdicts(claims: dict[str, Judged]) -> dict[Group, Counter[str]]:
-    found: dict[Group, Counter[str]] = {}
-    for one in claims.values():
-        found.setdefault(group_of(one.claim), Counter())[one.claim.verdict] += 1
-    return found
-
-
-@dataclass(frozen=True)
-class _Trend:
-    """A claim of the last night with its line through all nights."""
-
-    judged: Judged
-    group: Group
-    line: str
-
-    @property
-    def state(self) -> str:
-        """As in the style sheet."""
-        return self.judged.claim.verdict.lower().replace(" ", "-")
 
 
 def _by_check(
-    claims: dict[str, Judged], series: dict[str, Series], when: dict[str, set[str]]
-) -> dict[str, list[_Trend]]:
-    """The claims of the last night by their checks, checks with red ones first."""
-    found: dict[str, list[_Trend]] = {}
+    claims: Mapping[str, Judged], lines: Mapping[str, str]
+) -> dict[str, list[tuple[Judged, Group, str]]]:
+    """The claims of the last night with their lines by their checks, checks with red ones first."""
+    found: dict[str, list[tuple[Judged, Group, str]]] = {}
     for key, one in claims.items():
-        known = f"claim/{key}"
-        line = sparkline(series[known], when.get(known, ())) if known in series else ""
-        found.setdefault(one.check, []).append(_Trend(one, group_of(one.claim), line))
-    return dict(
-        sorted(found.items(), key=lambda item: (not any(t.state == "fail" for t in item[1]), item[0]))
-    )
+        found.setdefault(one.check, []).append((one, group_of(one.claim), lines.get(f"claim/{key}", "")))
+    red = {one.check for one in claims.values() if one.claim.verdict == "FAIL"}
+    return dict(sorted(found.items(), key=lambda item: (item[0] not in red, item[0])))
 
 
 def _by_kind(
-    series: dict[str, Series], last: Counted | None, when: dict[str, set[str]]
+    series: Mapping[str, Series], last: str, lines: Mapping[str, str]
 ) -> dict[Kind, list[tuple[Series, str]]]:
     """The numbers that the last night has, claims apart, with their lines."""
-    found: dict[Kind, list[tuple[Series, str]]] = {}
+    found: dict[Kind, list[tuple[Series, str]]] = {kind: [] for kind in Kind if kind is not Kind.CLAIM}
     for key, one in series.items():
-        if one.kind is not Kind.CLAIM and last and one.nights[-1].name == last.night.name:
-            found.setdefault(one.kind, []).append((one, sparkline(one, when.get(key, ()))))
-    return {kind: found[kind] for kind in Kind if kind in found}
+        if one.kind in found and one.nights[-1].name == last:
+            found[one.kind].append((one, lines[key]))
+    return {kind: ours for kind, ours in found.items() if ours}
 
 
-@dataclass(frozen=True)
-class _NightRow:
-    """A line of the table of nights."""
-
-    name: str
-    date: str
-    commit: str
-    machine: str
-    minutes: float
-    verdicts: Counter[str]
-    not_run: int
-    fault: str
-    page: str
-    state: str
-
-
-def _nights(counted: Iterable[Counted], folders: dict[str, Kept]) -> list[_NightRow]:
-    """All nights, the last one first; those with a fault or without an end have a folder alone."""
-    rows = []
-    for one in counted:
-        night, kept = one.night, folders.get(one.night.name)
-        rows.append(
-            _NightRow(
-                night.name, night.date, night.commit, night.machine, night.seconds / 60, one.verdicts,
-                len(kept.left_out) if kept else 0, "", _page(kept),
-                "fail" if one.verdicts["FAIL"] else "pass" if one.verdicts["PASS"] else "none",
-            )
-        )  # fmt: skip
-    known = {row.name for row in rows}
-    for name, kept in folders.items():
-        if name in known:
-            continue
-        begun = kept.begun
-        rows.append(
-            _NightRow(
-                name, begun.date, begun.versions["commit"], begun.machine, kept.seconds / 60,
-                Counter(claim.verdict for claim in kept.claims),
-                len(kept.left_out), begun.fault, _page(kept),
-                "fail" if kept.red else "pass" if kept.closed else "none",
-            )
-        )  # fmt: skip
-    return sorted(rows, key=lambda row: row.date, reverse=True)
-
-
-def _page(kept: Kept | None) -> str:
-    if kept is None or not (kept.folder / "index.html").exists():
-        return ""
-    return f"{kept.folder.name}/index.html"
-
-
-def _anchors(kept: Kept) -> dict[str, str]:
-    """Where checks stand on their night's page."""
-    return {
-        done.name: f"{kept.folder.name}/index.html#check-{number}" for number, done in enumerate(kept.done, 1)
+def _nights(counted: Iterable[Counted], folders: Mapping[str, Kept]) -> list[dict[str, Any]]:
+    """Lines of the table of nights, the last one first; some have a folder alone (a fault, no end)."""
+    rows = {
+        name: {
+            "name": name,
+            "date": kept.begun.date,
+            "commit": kept.begun.versions["commit"],
+            "minutes": kept.seconds / 60,
+            "verdicts": Counter(claim.verdict for claim in kept.claims),
+            "not_run": len(kept.left_out),
+            "fault": kept.begun.fault,
+            "page": f"{kept.folder.name}/index.html" if (kept.folder / "index.html").exists() else "",
+            "state": "fail" if kept.red else "pass" if kept.closed else "none",
+        }
+        for name, kept in folders.items()
     }
+    for one in counted:
+        night = one.night
+        known = rows.get(night.name, {"not_run": 0, "page": ""})
+        rows[night.name] = known | {
+            "name": night.name,
+            "date": night.date,
+            "commit": night.commit,
+            "minutes": night.seconds / 60,
+            "verdicts": one.verdicts,
+            "fault": "",
+            "state": _state(one.verdicts),
+        }
+    return sorted(rows.values(), key=lambda row: str(row["date"]), reverse=True)
 
 
-def _films(kept: Kept) -> dict[str, str]:
-    """Where the films of a night's comparisons are."""
-    return {done.name: f"{kept.folder.name}/{page}" for done, page in _scenes(kept)}
+def sparkline(series: Series, changed: Collection[str] = ()) -> Markup:
+    """Return a series as a line of text height, its last value as a dot, nights of changes as strokes.
+
+    Parameters
+    ----------
+    series : the number; on the logarithm where it is compared so.
+    changed : names of the nights.
+    """
+    nights = series.nights[-SHOWN:]
+    scaled, values = series.scaled[-SHOWN:], series.values[-SHOWN:]
+    finite = np.isfinite(scaled)
+    if not finite.any():
+        return Markup('<span class="none">no number</span>')
+    x = np.linspace(3, WIDTH - 3, len(nights)) if len(nights) > 1 else np.array([WIDTH - 3.0])
+    low, high = scaled[finite].min(), scaled[finite].max()
+    least = 0.02 if series.kind is not Kind.RATE else 1e-6  # round-off is drawn as none
+    y = HEIGHT - 3 - (HEIGHT - 6) * (scaled - low) / max(high - low, least)
+    new = [i for i, night in enumerate(nights) if night.name in changed]
+    drawn = [f'<path class="change" d="M{x[i]:.1f} 0v{HEIGHT}"/>' for i in new]
+    for piece in np.split(np.arange(len(nights)), np.flatnonzero(np.diff(finite)) + 1):
+        if finite[piece[0]]:
+            points = " ".join(f"{x[i]:.1f},{y[i]:.1f}" for i in piece)
+            drawn.append(f'<polyline points="{points}"/>')
+    last = np.flatnonzero(finite)[-1]
+    drawn.append(f'<circle cx="{x[last]:.1f}" cy="{y[last]:.1f}" r="2.2"/>')
+    known = values[finite]
+    said = f"{len(nights)} {'night' if len(nights) == 1 else 'nights'}: {known[0]:.3g} to {known[-1]:.3g}"
+    if len(known) > 2:
+        said += f", between {known.min():.3g} and {known.max():.3g}"
+    if new:
+        said += f"; changed in {', '.join(nights[i].name for i in new)}"
+    return _drawing("spark", WIDTH, said, drawn)
+
+
+def lights(states: Sequence[tuple[str, str]]) -> Markup:
+    """Return a row of lights, a night each: its name, and "pass", "fail" or "none".
+
+    Red lights are taller, so that they are told from green ones without colours.
+    """
+    shown, words = states[-SHOWN:], {"pass": "green", "fail": "red", "none": "not run"}
+    drawn = [
+        f'<rect class="{state}" x="{7 * i}" y="{0 if state == "fail" else 5}" width="5" '
+        f'height="{HEIGHT if state == "fail" else HEIGHT - 10}">'
+        f"<title>{escape(name)}: {words[state]}</title></rect>"
+        for i, (name, state) in enumerate(shown)
+    ]
+    red = [name for name, state in shown if state == "fail"]
+    return _drawing("lights", 7 * len(shown), f"{len(shown)} nights, red: {', '.join(red) or 'none'}", drawn)
+
+
+def _drawing(kind: str, width: int, said: str, drawn: Sequence[str]) -> Markup:
+    return Markup(
+        f'<svg class="{kind}" role="img" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '
+        f'aria-label="{escape(said)}">{"".join(drawn)}</svg>'
+    )
+
+
+def junit(night: Kept) -> bytes:
+    """Return a night as JUnit XML for continuous integration: a suite per check, a case per claim.
+
+    Claims that nobody judges and checks that were not run are skipped.
+    """
+    from junitparser import JUnitXml, TestSuite
+
+    whole, document = JUnitXml(f"actin_xcheck {night.begun.name}"), BytesIO()
+    checks: tuple[Done | NotRun, ...] = (*night.done, *night.left_out)
+    for one in checks:
+        suite = TestSuite(one.name)
+        suite.timestamp, suite.hostname = (
+            night.begun.date[:19],
+            getattr(one, "host", "") or night.begun.machine,
+        )
+        suite.add_testcases(list(_cases(one)))
+        if isinstance(one, Done) and math.isfinite(one.seconds):  # of a lost process nobody knows
+            suite.time = round(one.seconds, 3)
+        whole.append(suite)
+    for what in ("tests", "failures", "errors", "skipped"):
+        setattr(whole, what, sum(getattr(suite, what) for suite in whole))
+    whole.time = round(night.seconds, 3)
+    whole.write(document, pretty=True)
+    return document.getvalue()
+
+
+def _cases(one: Done | NotRun) -> Iterator[Any]:
+    from junitparser import Error, Failure, Skipped, TestCase
+
+    if isinstance(one, NotRun):
+        case = TestCase("is run", classname=one.name)
+        case.result = Skipped(brief(one.why, LONGEST))
+        yield case
+        return
+    for claim, file in zip(one.claims, one.files, strict=True):
+        case = TestCase(claim.key, classname=one.name)
+        if one.trouble:
+            case.result = Error(one.trouble, "trouble")
+        elif claim.verdict == "FAIL":
+            case.result = failure = Failure(claim.excess, "claim")
+            said = claim.statement, claim.note, claim.command, f"{file}{claim.path}"
+            failure.text = "\n".join(brief(part, LONGEST) for part in said)  # what is no letter is no XML
+        elif claim.verdict == "NOT JUDGED":
+            case.result = Skipped(f"{claim.value:.3g}, no bound")
+        yield case

@@ -1,51 +1,48 @@
-"""What a night tries, and in which order: what failed last, what fails most often, what is cheapest."""
+"""What a night tries: what failed last, what fails most often, what is cheapest; and how it begins."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import platform
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.nightly.checks import Checked, Control, Costed, Diluted, Item
-from actin_xcheck.nightly.history.database import read_claims, read_nights, read_series
-from actin_xcheck.nightly.history.record import Series
-from actin_xcheck.nightly.nights import STOPPED
+from actin_xcheck.core.files import locked, new_folder
+from actin_xcheck.nightly.history import FILE_NAME as HISTORY
+from actin_xcheck.nightly.history import STOPPED, Series, find_night, read_claims, read_nights, read_series
+from actin_xcheck.nightly.items import Checked, Control, Costed, Diluted, Item, night_long
+from actin_xcheck.nightly.record import FILE_NAME, Begun, Kept, nights_in, write_night
+from actin_xcheck.runs.executor import cores
 from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.store import provenance
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Check, Compared, Studied
 from actin_xcheck.studies.stored import seconds_of
 
+PAGES = 0.08
+"""Share of a budget that is left for pages and the history."""
+
 MEMORY_OF = 20
 """Nights from which it is known how often a check fails."""
+
+_EXACT = (
+    "growing-disk", "manufactured-moving", "manufactured-static", "stirred", "stirred-static",
+    "mode-02-wall-270", "mode-0-cell", "mode-2-cell", "mode-1-viscous-cell", "mode-2-free-cell",
+)  # fmt: skip
 
 EXTRA: tuple[Check, ...] = (
     *(Compared(scene, (PAPER, FV), 5, steps=100) for scene in DEFAULT_SCENES),
     Diluted((PAPER, FV), 3),
-    *(
-        Compared(scene, (PAPER, FV), 4, steps=100)
-        for scene in (
-            "growing-disk",
-            "manufactured-moving",
-            "manufactured-static",
-            "stirred",
-            "stirred-static",
-        )
-    ),
-    *(
-        Compared(scene, (PAPER, FV), 4, steps=100)
-        for scene in (
-            "mode-02-wall-270",
-            "mode-0-cell",
-            "mode-2-cell",
-            "mode-1-viscous-cell",
-            "mode-2-free-cell",
-        )
-    ),
+    *(Compared(scene, (PAPER, FV), 4, steps=100) for scene in _EXACT),
     *(
         Compared(scene, (PAPER, FV), 4, steps=200)
         for scene in ("fig12-mixed-31-02-21", "fig16-uniform-expansion")
@@ -63,6 +60,9 @@ KERNEL = 0.055
 """Seconds of the reference kernel on the machine of which seconds are guessed."""
 
 COST_SCENE, COST_REFINE, COST_STEPS, COST_RTOL = "fig14-four-fronts", 3, 40, 1e-4
+
+
+Some = TypeVar("Some", bound=Item)
 
 
 @dataclass(frozen=True)
@@ -216,9 +216,152 @@ def chosen(plan: Plan, only: Sequence[str], failed: bool, known: Past) -> Plan:
             raise UserError("--failed: nothing failed when it was run last; valid: without")
     controls = [item for item in plan.controls if item.name in wanted]
     quick = {check.name for check in SUITE} if controls else set()
-
     return Plan(
         tuple(sorted((i for i in plan.checks if i.name in wanted | quick), key=known.order)),
         tuple(sorted(controls, key=known.order)),
         tuple(sorted((i for i in plan.costs if i.name in wanted), key=known.order)),
     )
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a night is asked for.
+
+    Attributes
+    ----------
+    reports : folder of all nights.
+    minutes : in all; None: as long as it takes, or as the night that is gone on with has left.
+    fault, baseline : names of a deliberate fault and of a night to compare with; empty without.
+    only : patterns of checks; all without any.
+    failed : whether to leave out what did not fail when it was run last.
+    resume : whether to go on with the night that was interrupted.
+    command : what makes it again.
+    """
+
+    reports: Path
+    minutes: float | None = None
+    fault: str = ""
+    baseline: str = ""
+    only: tuple[str, ...] = ()
+    failed: bool = False
+    resume: bool = False
+    command: str = ""
+
+    @property
+    def history(self) -> Path:
+        """Of all nights."""
+        return self.reports / HISTORY
+
+
+@dataclass(frozen=True)
+class Tonight:
+    """A night that has begun: what it tries, what the past says, how far it has come, the budget's end."""
+
+    plan: Plan
+    known: Past
+    kept: Kept
+    deadline: float
+
+
+def planned(wish: Wish, suite: Plan, known: Past) -> Plan:
+    """What a night will try, of what there is and is known; UserError for a mistake in what was asked."""
+    if wish.resume and (wish.only or wish.failed or wish.fault or wish.baseline):
+        raise UserError(
+            "--resume: goes on with what the night was begun with; "
+            "valid: without --only, --failed, --fault and --baseline"
+        )
+    plan = chosen(suite, wish.only, wish.failed, known)
+    if wish.fault:
+        plan = with_fault(plan, wish.fault)
+    if wish.baseline:
+        find_night(read_nights(wish.history), wish.baseline)
+    return plan
+
+
+def with_fault(plan: Plan, fault: str) -> Plan:
+    """A plan for a night with a deliberate fault: its checks need not tell what they call."""
+    with night_long(fault):
+        checks = (replace(item, watches=False) if isinstance(item, Checked) else item for item in plan.checks)
+        return Plan(tuple(checks))
+
+
+@contextmanager
+def begun(wish: Wish, suite: Plan, kernel: float) -> Iterator[Tonight]:
+    """Begin a night in a folder of its own, or go on with one, and have that folder to oneself.
+
+    What the same code has answered is taken up, as in any study; `kernel` is what the reference kernel takes,
+    in seconds.  UserError where there is nothing to go on with, or a check that was planned is no more.
+    """
+    now, known = time.time(), past(wish.history, kernel)
+    plan = planned(wish, suite, known)
+    folder = unfinished(wish.reports).folder if wish.resume else night_folder(wish.reports, datetime.now(UTC))
+    with locked(folder / FILE_NAME):
+        if wish.resume:
+            kept = unfinished(wish.reports)
+            plan = _gone_on_with(kept, suite)
+            kept = replace(kept, done=(), begun=replace(kept.begun, versions=provenance()))
+        else:
+            kept = Kept(folder, _begun(folder.name, wish, plan, kernel))
+        write_night(kept)
+        minutes, spent = (wish.minutes, 0.0) if wish.minutes else (kept.begun.minutes, kept.seconds)
+        yield Tonight(plan, known, kept, now + 60 * minutes * (1 - PAGES) - spent)
+
+
+def _begun(name: str, wish: Wish, plan: Plan, kernel: float) -> Begun:
+    return Begun(
+        name=name,
+        date=datetime.now(UTC).isoformat(
+            timespec="microseconds"
+        ),  # by which it is told from others of the day
+        versions=provenance(),
+        machine=machine(),
+        command=wish.command,
+        minutes=wish.minutes or math.inf,
+        fault=wish.fault,
+        baseline=wish.baseline,
+        planned=tuple(item.name for item in plan.items),
+        kernel=kernel,
+    )
+
+
+def _gone_on_with(kept: Kept, suite: Plan) -> Plan:
+    """What a night had planned, in its order."""
+    place = {name: number for number, name in enumerate(kept.begun.planned)}
+    if gone := [name for name in place if name not in {item.name for item in suite.items}]:
+        raise UserError(
+            f"--resume: {kept.folder} planned {gone[0]!r}, which is no check any more; valid: without"
+        )
+
+    def ours(part: Sequence[Some]) -> tuple[Some, ...]:
+        return tuple(sorted((i for i in part if i.name in place), key=lambda item: place[item.name]))
+
+    plan = Plan(ours(suite.checks), ours(suite.controls), ours(suite.costs))
+    return with_fault(plan, kept.begun.fault) if kept.begun.fault else plan
+
+
+def night_folder(reports: Path, moment: datetime) -> Path:
+    """Make the folder of a night, named by its date (UTC), with a number behind where that is taken.
+
+    By a folder that is there, or by a night of the history whose folder is not.  UserError where it cannot be
+    made.
+    """
+    history = reports / HISTORY
+    taken = {one.night.name for one in read_nights(history)} if history.exists() else set()
+    return new_folder(reports / f"{moment.astimezone(UTC):%Y-%m-%d}", taken)
+
+
+def unfinished(reports: Path) -> Kept:
+    """The last night that did not come to its end; UserError where there is none."""
+    found = [one for one in nights_in(reports) if not one.closed]
+    if not found:
+        raise UserError(f"--resume: no night in {reports} was interrupted; valid: without")
+    return found[-1]
+
+
+def machine() -> str:
+    """What tells this machine from others whose times are not comparable: processor, cores, system."""
+    name, cpuinfo = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        models = (line.partition(":")[2] for line in cpuinfo.read_text().splitlines() if "model name" in line)
+        name = next(models, name)
+    return f"{name.strip()}, {cores()} cores, {platform.system()}"

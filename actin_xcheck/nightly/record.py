@@ -1,26 +1,111 @@
-"""A night as it is kept while it goes on: a file of JSON lines, one for every check that is over.
+"""A night and its numbers: what it set out to do, what became of its checks, and the file that says so.
 
-The first line says what was begun, the last one that it was closed; a night without that can be gone on with.
-A process that is killed while it writes leaves half a line at the end, which is none.
+`night.jsonl` holds a line for what was begun, one for every check that is over, and one that closes it; while
+a night goes on its answers are in the journal beside it, like those of a study.
 """
 
 import json
 import math
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.unnamed import claim_of
-from actin_xcheck.nightly.history.record import Kind, Number
+from actin_xcheck.studies import journal
 
-FILE_NAME = "night.jsonl"
+FILE_NAME, STUDY = "night.jsonl", "nightly"
 
 SCHEMA = 1
 """Version of the lines."""
+
+
+class Kind(StrEnum):
+    """What a number is, which says how it is read."""
+
+    ERROR = "error"
+    ORDER = "order"
+    RATE = "rate"
+    TIME = "time"
+    MEMORY = "memory"
+    COUNT = "count"
+    CLAIM = "claim"
+
+    @property
+    def worse(self) -> int:
+        """1 where larger is worse, -1 where smaller is, 0 where either is news."""
+        return {Kind.ORDER: -1, Kind.RATE: 0}.get(self, 1)
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether numbers are compared by their ratio."""
+        return self not in (Kind.ORDER, Kind.RATE)
+
+    @property
+    def of_machine(self) -> bool:
+        """Whether numbers of different machines say nothing about each other."""
+        return self in (Kind.TIME, Kind.MEMORY)
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a night.
+
+    Attributes
+    ----------
+    key : its name, the same every night, such as "error/area/fig14-four-fronts/fem-p1-paper".
+    kind, value, unit : what it is; the value is nan where it was asked for and could not be had.
+    source : where it comes from, the run's file or the command that makes it again.
+    """
+
+    key: str
+    kind: Kind
+    value: float
+    unit: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Night:
+    """Where, when and of what the numbers of a night were made.
+
+    Attributes
+    ----------
+    name : by which it is asked for, such as "2026-03-04".
+    date : its beginning, ISO 8601, UTC; nights are in the order of their dates.
+    commit : of the code.
+    versions : by package.
+    machine : what tells it from others whose times and memory are not comparable.
+    command : what makes it again.
+    budget, seconds : wall time it was given and took; inf without a limit, nan where unknown.
+    """
+
+    name: str
+    date: str
+    commit: str
+    versions: Mapping[str, str]
+    machine: str
+    command: str = ""
+    budget: float = math.inf
+    seconds: float = math.nan
+
+    def differences(self, before: "Night") -> tuple[str, ...]:
+        """What of the code, its libraries and the machine is not as it was in another night, in words."""
+        packages = sorted({*before.versions, *self.versions})
+        pairs = [("commit", short(before.commit), short(self.commit))]
+        pairs += ((name, before.versions.get(name, ""), self.versions.get(name, "")) for name in packages)
+        pairs.append(("machine", before.machine, self.machine))
+        return tuple(f"{name} {old or 'none'} -> {new or 'none'}" for name, old, new in pairs if old != new)
+
+
+def short(commit: str) -> str:
+    """A commit as it is read; one with changes that were not committed stays told from the others."""
+    revision, dash, state = commit.partition("-")
+    return revision[:12] + dash + state
 
 
 @dataclass(frozen=True)
@@ -88,13 +173,7 @@ class Done:
 
 @dataclass(frozen=True)
 class NotRun:
-    """A check that was left out, and why.
-
-    Attributes
-    ----------
-    name, why : of the check; a sentence.
-    seconds : after which it was stopped; 0 where it was not, or was not begun.
-    """
+    """A check that was left out, and why; `seconds` after which it was stopped, 0 where it was not."""
 
     name: str
     why: str
@@ -109,7 +188,7 @@ class Kept:
     ----------
     folder : of the night.
     begun : its first line.
-    done : checks that are over, in the order in which they were.
+    done : checks that are over.
     left_out : of a closed night.
     seconds : wall time of a closed night; of an interrupted one until its last check.
     closed : whether it came to its end.
@@ -139,33 +218,17 @@ class Kept:
         return not self.red and any(claim.judged for claim in self.claims) and kept >= {*self.begun.planned}
 
 
-@dataclass
-class Journal:
-    """Writes a night's file, a line at a time."""
-
-    path: Path
-    _lines: list[dict[str, Any]] = field(default_factory=list)
-
-    def begin(self, begun: Begun) -> None:
-        """The first line."""
-        self._append({"schema": SCHEMA, "begun": asdict(begun)})
-
-    def keep(self, done: Done, seconds: float) -> None:
-        """A check that is over, so many seconds after the beginning."""
-        self._append({"done": asdict(done), "seconds": seconds})
-
-    def close(self, left_out: Sequence[NotRun], seconds: float) -> None:
-        """The last line."""
-        self._append({"closed": [asdict(one) for one in left_out], "seconds": seconds})
-
-    def _append(self, line: dict[str, Any]) -> None:
-        text = json.dumps(plain(line), allow_nan=False)  # ASCII: a line is a line
-        with self.path.open("ab+") as file:
-            if file.tell() and (file.seek(-1, os.SEEK_END), file.read(1))[1] != b"\n":
-                file.write(b"\n")  # behind the half of a line that a killed process left
-            file.write(text.encode("utf-8") + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
+def write_night(kept: Kept) -> None:
+    """Write the file of a night, whole or not at all."""
+    lines: list[dict[str, Any]] = [{"schema": SCHEMA, "begun": asdict(kept.begun)}]
+    lines += ({"done": asdict(one)} for one in kept.done)
+    if kept.closed:
+        lines.append({"closed": [asdict(one) for one in kept.left_out]})
+    lines[-1]["seconds"] = kept.seconds
+    text = "".join(
+        json.dumps(plain(line), allow_nan=False) + "\n" for line in lines
+    )  # ASCII: a line is a line
+    replace_file(kept.folder / FILE_NAME, text.encode("utf-8"))
 
 
 def read_night(folder: Path) -> Kept:
@@ -177,20 +240,43 @@ def read_night(folder: Path) -> Kept:
     for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
         try:
             lines.append(json.loads(text))
-        except ValueError:  # half a line
+        except ValueError:  # half a line, of a night that was killed while it wrote
             continue
     try:
         if lines[0]["schema"] != SCHEMA:
             raise UserError(f"{path}: schema {lines[0]['schema']}, but this version reads schema {SCHEMA}")
         stated = lines[0]["begun"] | {"planned": tuple(lines[0]["begun"]["planned"])}
-        begun = Begun(**stated | {name: _float(stated[name]) for name in ("minutes", "kernel")})
+        begun = Begun(**stated | {name: number(stated[name]) for name in ("minutes", "kernel")})
         done = tuple(_done(line["done"]) for line in lines if "done" in line)
-        closing = [line for line in lines if "closed" in line]
-        left_out = tuple(NotRun(**one) for one in closing[-1]["closed"]) if closing else ()
-        seconds = max((_float(line["seconds"]) for line in lines[1:]), default=0.0)
-        return Kept(Path(folder), begun, done, left_out, seconds, bool(closing))
+        seconds = max((number(line["seconds"]) for line in lines if "seconds" in line), default=0.0)
+        kept = Kept(Path(folder), begun, done, (), seconds)
+        if closing := [line["closed"] for line in lines if "closed" in line]:
+            return replace(kept, left_out=tuple(NotRun(**one) for one in closing[-1]), closed=True)
+        return _so_far(kept)
     except (KeyError, TypeError, IndexError, ValueError, AttributeError) as error:
         raise UserError(f"{path}: not a night kept by actin_xcheck ({error!r})") from error
+
+
+def _so_far(kept: Kept) -> Kept:
+    """A night that was interrupted, with what its journal holds: as long as that was written to."""
+    answers = kept.folder / journal.FILE_NAME
+    if not answers.exists():
+        return kept
+    done = (*kept.done, *journal.Journal(kept.folder, STUDY).kept(Done))
+    more = answers.stat().st_mtime - (kept.folder / FILE_NAME).stat().st_mtime
+    last = {one.name: one for one in done}  # other code may have answered too
+    return replace(kept, done=tuple(last.values()), seconds=kept.seconds + max(more, 0.0))
+
+
+def nights_in(reports: Path) -> Iterator[Kept]:
+    """The nights whose folders lie here, in the order in which they were begun."""
+    found = []
+    for path in reports.glob(f"*/{FILE_NAME}"):
+        try:
+            found.append(read_night(path.parent))
+        except UserError:
+            continue
+    yield from sorted(found, key=lambda one: (one.begun.date, one.begun.name))
 
 
 def plain(found: Any) -> Any:
@@ -204,17 +290,21 @@ def plain(found: Any) -> Any:
     return found
 
 
-def _float(value: float | str | None) -> float:
+def number(value: float | str | None) -> float:
+    """The number that stands for `value` in JSON, or in a table, where nan is nothing."""
     return math.nan if value is None else float(value)
 
 
 def _done(said: dict[str, Any]) -> Done:
-    claims = tuple(
-        claim_of(one | {"value": _float(one["value"]), "bound": _float(one["bound"])})
-        for one in said["claims"]
+    claims = (
+        claim_of(one | {name: number(one[name]) for name in ("value", "bound")}) for one in said["claims"]
     )
-    numbers = tuple(
-        Number(**one | {"kind": Kind(one["kind"]), "value": _float(one["value"])}) for one in said["numbers"]
+    numbers = (
+        Number(**one | {"kind": Kind(one["kind"]), "value": number(one["value"])}) for one in said["numbers"]
     )
-    lists = {name: tuple(said[name]) for name in ("files", "reached")}
-    return Done(**said | lists | {"claims": claims, "numbers": numbers, "seconds": _float(said["seconds"])})
+    lists = {"claims": claims, "numbers": numbers, **{name: said[name] for name in ("files", "reached")}}
+    return Done(
+        **said
+        | {name: tuple(values) for name, values in lists.items()}
+        | {"seconds": number(said["seconds"])}
+    )

@@ -19,26 +19,34 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
+from actin_xcheck.core.mesh import Indices
+from actin_xcheck.core.model import Array
 from actin_xcheck.core.unnamed import claim_of
-from actin_xcheck.nightly.history.record import Judged, Kind, Night, Number, Series
+from actin_xcheck.nightly.record import Done, Kept, Kind, Night, Number, number
 
-SCHEMA = 2
-"""Version of the tables."""
+FILE_NAME = "history.sqlite"
 
-BEFORE = 1
-"""The version whose claims had no keys of their own."""
+SCHEMA, BEFORE = 2, 1
+"""Version of the tables, and the one whose claims had no keys of their own."""
+
+STOPPED = "stopped"
+"""Numbers of the history: seconds after which a check was stopped, so that it takes longer."""
+
+ROUND_OFF = 1e-9
+"""Numbers that differ by less, relatively or (orders and rates) of their size, are equal."""
 
 _APPLICATION = 0x61637869
 """What SQLite files of ours have in their header ("acxi")."""
 
-_STATED = ("date", "commit", "machine", "command", "budget", "seconds")
-"""What the table of nights holds beside the name."""
+_STATED = ("name", "date", "commit", "machine", "command", "budget", "seconds")
+"""What the table of nights holds."""
 
 _COLUMNS = ", ".join(f'"{name}"' for name in _STATED)
 
-_Row = TypeVar("_Row", Number, Judged)
+_Row = TypeVar("_Row", Number, "Judged")
 
 _TABLES = """
 CREATE TABLE nights (night INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, date TEXT NOT NULL,
@@ -55,6 +63,77 @@ CREATE TABLE claims (night INTEGER NOT NULL REFERENCES nights, key TEXT NOT NULL
     bound REAL, verdict TEXT NOT NULL, command TEXT NOT NULL, path TEXT NOT NULL, note TEXT NOT NULL,
     "check" TEXT NOT NULL, seconds REAL, source TEXT NOT NULL, PRIMARY KEY (night, key)) WITHOUT ROWID
 """
+
+_LEAST = {Kind.ERROR: 1e-16, Kind.CLAIM: 1e-16, Kind.TIME: 1e-6, Kind.MEMORY: 1.0, Kind.COUNT: 0.5}
+"""Below this, numbers on a logarithm are one: smaller errors are round-off, and 0 has no logarithm."""
+
+_INTEREST = {Kind.ERROR: math.log(2.0), Kind.CLAIM: math.log(2.0), Kind.ORDER: 0.1, Kind.RATE: 0.05}
+"""The smallest change of interest, on the number's scale; of a rate, in parts of its median size."""
+
+_INTEREST_OF_WORK = math.log(1.15)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim as it came out in a night: in which check, how long its runs took, the file that holds them."""
+
+    claim: Claim
+    check: str
+    seconds: float = math.nan
+    source: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name, the same every night."""
+        return f"{self.claim.key} · {self.check}"
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A number through the nights that asked for it.
+
+    Attributes
+    ----------
+    key, kind, unit : of the number.
+    nights : in order.
+    values : (n,), nan where a night could not have it.
+    """
+
+    key: str
+    kind: Kind
+    unit: str
+    nights: tuple[Night, ...]
+    values: Array
+
+    @property
+    def scaled(self) -> Array:
+        """The values on the scale on which they are compared, (n,)."""
+        if not self.kind.logarithmic:
+            return self.values
+        return np.log(np.maximum(np.abs(self.values), _LEAST[self.kind]))
+
+    @property
+    def round_off(self) -> float:
+        """Differences up to this, on that scale, are none."""
+        return ROUND_OFF if self.kind.logarithmic else ROUND_OFF * max(1.0, np.nanmax(np.abs(self.values)))
+
+    @property
+    def interest(self) -> float:
+        """The smallest change of interest, on that scale."""
+        size = float(np.nanmedian(np.abs(self.values))) if self.kind is Kind.RATE else 1.0
+        return max(_INTEREST.get(self.kind, _INTEREST_OF_WORK) * size, self.round_off)
+
+    @property
+    def by_machine(self) -> list["Series"]:
+        """The series, or that of each machine where machines are not comparable."""
+        if not self.kind.of_machine:
+            return [self]
+        machines = np.array([night.machine for night in self.nights])
+        return [self.only(np.flatnonzero(machines == machine)) for machine in dict.fromkeys(machines)]
+
+    def only(self, places: Indices) -> "Series":
+        """The same of the nights at these places."""
+        return replace(self, nights=tuple(self.nights[i] for i in places), values=self.values[places])
 
 
 @dataclass(frozen=True)
@@ -79,34 +158,56 @@ def append(path: Path, night: Night, numbers: Iterable[Number], claims: Iterable
         _prepare(rows, path)
         taken = {name for (name,) in rows.execute("SELECT name FROM nights")}
         called = replace(night, name=_free(night.name, taken))
-        place = rows.execute(
-            f"INSERT INTO nights (name, {_COLUMNS}) VALUES (?{', ?' * len(_STATED)})",
-            (
-                called.name,
-                night.date,
-                night.commit,
-                night.machine,
-                night.command,
-                night.budget,
-                night.seconds,
-            ),
-        ).lastrowid
-        _insert(rows, "versions", ((place, *version) for version in night.versions.items()))
-        _insert(rows, "numbers", ((place, key, *_number(one)) for key, one in _keyed(numbers)))
-        _insert(rows, "claims", ((place, key, *_claim(one)) for key, one in _keyed(claims)))
+        place = _insert(rows, "nights", {name: getattr(called, name) for name in _STATED})
+        for package, version in night.versions.items():
+            _insert(rows, "versions", {"night": place, "package": package, "version": version})
+        for key, number_ in _keyed(numbers):
+            _insert(rows, "numbers", {"night": place, **vars(number_), "key": key})
+        for key, judged in _keyed(claims):
+            _insert(rows, "claims", _claim(judged) | {"night": place, "key": key})
         rows.execute("COMMIT")
     return called
+
+
+def remember(history: Path, kept: Kept) -> Night:
+    """Add a night to the history, once however often this is asked for, as it is called there."""
+    begun = kept.begun
+    versions = {name: version for name, version in begun.versions.items() if name != "commit"}
+    night = Night(
+        begun.name, begun.date, begun.versions["commit"], versions, begun.machine, begun.command,
+        60 * begun.minutes, kept.seconds,
+    )  # fmt: skip
+    for one in read_nights(history) if history.exists() else ():
+        if one.night.date == night.date and one.night.machine == night.machine:
+            return one.night
+    return append(history, night, numbers_of(kept), judged_in(kept.done))
+
+
+def numbers_of(kept: Kept) -> Iterator[Number]:
+    """The numbers of a night beside the values of its claims."""
+    yield Number("kernel", Kind.TIME, kept.begun.kernel, "s")
+    for one in kept.done:
+        yield from one.numbers
+        yield Number(f"red/{one.name}", Kind.COUNT, float(one.red))
+    for left in kept.left_out:
+        if left.seconds:
+            yield Number(f"{STOPPED}/{left.name}", Kind.TIME, left.seconds, "s")
+
+
+def judged_in(done: Iterable[Done]) -> Iterator[Judged]:
+    """The claims of checks as the history keeps them."""
+    for one in done:
+        for claim, file in zip(one.claims, one.files, strict=True):
+            yield Judged(claim, one.name, one.seconds, file)
 
 
 def read_nights(path: Path) -> list[Counted]:
     """Return the nights in the order of their dates; UserError where the file is none of ours."""
     with _reading(path) as rows:
         numbers = Counter(dict(rows.execute("SELECT night, count(*) FROM numbers GROUP BY night")))
-        counted = "SELECT night, verdict, count(*) FROM claims GROUP BY night, verdict ORDER BY night"
-        verdicts = {
-            place: Counter({verdict: count for _, verdict, count in group})
-            for place, group in groupby(rows.execute(counted), lambda row: row[0])
-        }
+        verdicts: dict[int, Counter[str]] = {}
+        for place, verdict in rows.execute("SELECT night, verdict FROM claims"):
+            verdicts.setdefault(place, Counter())[verdict] += 1
         return [
             Counted(night, numbers[place], verdicts.get(place, Counter()))
             for place, night in _nights(rows).items()
@@ -118,7 +219,7 @@ def read_numbers(path: Path, name: str) -> list[Number]:
     chosen = "SELECT key, kind, value, unit, source FROM numbers JOIN nights USING (night) WHERE name = ?"
     with _reading(path) as rows:
         return [
-            Number(key, Kind(kind), _float(value), unit, source)
+            Number(key, Kind(kind), number(value), unit, source)
             for key, kind, value, unit, source in rows.execute(f"{chosen} ORDER BY key", (name,))
         ]
 
@@ -144,13 +245,10 @@ def read_series(path: Path, pattern: str = "*") -> list[Series]:
         JOIN nights USING (night) WHERE key GLOB ? ORDER BY kind, key, unit, date, night
     """
     with _reading(path) as rows:
-        nights = _nights(rows)
-        found = []
+        nights, found = _nights(rows), []
         for (key, kind, unit), group in groupby(rows.execute(chosen, (pattern,)), lambda row: row[:3]):
-            places, values = zip(*((row[3], _float(row[4])) for row in group), strict=True)
-            found.append(
-                Series(key, Kind(kind), unit, tuple(nights[place] for place in places), np.array(values))
-            )
+            places, values = zip(*((row[3], number(row[4])) for row in group), strict=True)
+            found.append(Series(key, Kind(kind), unit, tuple(nights[i] for i in places), np.array(values)))
         return found
 
 
@@ -166,22 +264,16 @@ def find_night(nights: Sequence[Counted], text: str) -> Counted:
     return (exact or found)[0]
 
 
-def _number(one: Number) -> tuple[str | float, ...]:
-    return str(one.kind), one.value, one.unit, one.source
-
-
-def _claim(one: Judged) -> tuple[str | float, ...]:
-    claim = one.claim
-    return (
-        str(claim.kind), claim.quantity, claim.scene, " ".join(claim.methods), claim.statement, claim.value,
-        claim.bound, claim.verdict, claim.command, claim.path, claim.note, one.check, one.seconds, one.source,
-    )  # fmt: skip
+def _claim(one: Judged) -> dict[str, Any]:
+    """What columns hold of a claim."""
+    stated = vars(one.claim) | {"methods": " ".join(one.claim.methods), "verdict": one.claim.verdict}
+    return stated | {"check": one.check, "seconds": one.seconds, "source": one.source}
 
 
 def _judged(said: Mapping[str, Any]) -> Judged:
     """The claim that columns hold, and how it was judged."""
-    claim = {name: _float(said[name]) for name in ("value", "bound")} | {"methods": said["methods"].split()}
-    return Judged(claim_of({**said, **claim}), said["check"], _float(said["seconds"]), said["source"])
+    claim = {name: number(said[name]) for name in ("value", "bound")} | {"methods": said["methods"].split()}
+    return Judged(claim_of({**said, **claim}), said["check"], number(said["seconds"]), said["source"])
 
 
 def _columns(found: sqlite3.Cursor) -> Iterator[dict[str, Any]]:
@@ -190,10 +282,10 @@ def _columns(found: sqlite3.Cursor) -> Iterator[dict[str, Any]]:
     return (dict(zip(names, row, strict=True)) for row in found)
 
 
-def _insert(rows: sqlite3.Connection, table: str, written: Iterable[Sequence[str | float | None]]) -> None:
-    """Add rows to a table."""
-    for row in written:
-        rows.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
+def _insert(rows: sqlite3.Connection, table: str, said: Mapping[str, Any]) -> int | None:
+    """Add a row to a table by the names of its columns, and return its place."""
+    names, marks = ", ".join(f'"{name}"' for name in said), ", ".join(f":{name}" for name in said)
+    return rows.execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", said).lastrowid
 
 
 def _keyed(given: Iterable[_Row]) -> Iterator[tuple[str, _Row]]:
@@ -213,22 +305,18 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _nights(rows: sqlite3.Connection) -> dict[int, Night]:
-    versions = {
-        place: {package: version for _, package, version in group}
-        for place, group in groupby(rows.execute("SELECT * FROM versions ORDER BY night"), lambda row: row[0])
-    }
-    chosen = f"SELECT night, name, {_COLUMNS} FROM nights ORDER BY date, night"
+    """The nights by their places, in the order of their dates."""
+    versions: dict[int, dict[str, str]] = {}
+    for place, package, version in rows.execute("SELECT * FROM versions"):
+        versions.setdefault(place, {})[package] = version
+    found = _columns(rows.execute(f"SELECT night, {_COLUMNS} FROM nights ORDER BY date, night"))
     return {
-        place: Night(
-            name, date, commit, versions.get(place, {}), machine, command, _float(budget), _float(seconds)
+        (place := said.pop("night")): Night(
+            **said | {name: number(said[name]) for name in ("budget", "seconds")},
+            versions=versions.get(place, {}),
         )
-        for place, name, date, commit, machine, command, budget, seconds in rows.execute(chosen)
+        for said in found
     }
-
-
-def _float(value: float | None) -> float:
-    """A number of the file; nan is NULL there."""
-    return math.nan if value is None else float(value)
 
 
 def _prepare(rows: sqlite3.Connection, path: Path) -> None:
@@ -263,8 +351,8 @@ def _bring_forward(rows: sqlite3.Connection, path: Path) -> None:
         old = _columns(rows.execute(f"SELECT * FROM claims_{BEFORE} ORDER BY night, key"))
         try:
             for place, night in groupby(old, lambda said: said["night"]):
-                named = _keyed(map(_told, night))
-                _insert(rows, "claims", ((place, key, *_claim(one)) for key, one in named))
+                for key, one in _keyed(map(_told, night)):
+                    _insert(rows, "claims", _claim(one) | {"night": place, "key": key})
         except (AttributeError, TypeError, ValueError) as error:
             raise UserError(f"{path}: not a whole history ({error})") from error
         rows.execute(f"PRAGMA user_version = {SCHEMA}")

@@ -1,8 +1,10 @@
-"""What a night is made of: checks of the harness, negative controls, and measured costs."""
+"""What a night is made of: checks of the harness, negative controls and measured costs, and their lights."""
 
 import math
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Protocol
 
@@ -11,18 +13,77 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.nightly import groups
-from actin_xcheck.nightly.files import located, numbers_in
-from actin_xcheck.nightly.history.record import Kind, Number
+from actin_xcheck.nightly.record import Kind, Number
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.chart.measure import Sample, measured
 from actin_xcheck.studies.chart.points import Point
+from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.checks import QUIET, Check, Compared
 from actin_xcheck.studies.faults.fault import Calls, replaced, there, watched
 from actin_xcheck.studies.faults.hunt import control, held_against
+from actin_xcheck.verdicts.triangulate import read_triangles
+
+COMPARISON, ORDERS = "comparison.h5", "converge.h5"
+
+
+class Group(StrEnum):
+    """A light; its value is what a reader sees."""
+
+    CONSERVATION = "conservation"
+    GEOMETRY = "geometric conservation"
+    EXACT = "exact solutions"
+    MODES = "modes"
+    REFERENCE = "reference values"
+    AGREEMENT = "FEM ~ FV ~ theory"
+    ORDERS = "orders"
+    REDUCTIONS = "smaller models, tolerances"
+    ENDS = "runs to the end"
+    CONTROLS = "negative controls"
+    COST = "work and time"
+    BASELINE = "against the baseline"
+    OTHER = "other"
+
+
+_SHARED = {
+    ClaimKind.GROWTH_RATE: Group.MODES,
+    ClaimKind.TRIANGLE: Group.AGREEMENT,
+    ClaimKind.ORDER_H: Group.ORDERS,
+    ClaimKind.ORDER_DT: Group.ORDERS,
+    ClaimKind.REDUCTION: Group.REDUCTIONS,
+    ClaimKind.TOLERANCE: Group.REDUCTIONS,
+    ClaimKind.CONTROL: Group.CONTROLS,
+    ClaimKind.CLEAN: Group.CONTROLS,
+}
+"""Lights of claims that have none of their name."""
+
+
+def group_of(claim: Claim) -> Group:
+    """The light of a claim; codes and theory that agree on the area have moved the cell alike."""
+    if claim.kind is ClaimKind.TRIANGLE and claim.quantity == "area":
+        return Group.GEOMETRY
+    return _SHARED.get(claim.kind) or Group[claim.kind.name]
+
+
+def no_verdict(check: str, trouble: str) -> Claim:
+    """What fails where a check broke down: it has the light of what it would have judged."""
+    what, _, subject = check.partition(" ")
+    return Claim(
+        kind={"fault": ClaimKind.CONTROL, "cost": ClaimKind.COST}.get(what, ClaimKind.ENDS),
+        scene=subject if what == "fault" else check,
+        methods=(),
+        statement="comes to a verdict",
+        value=math.nan,
+        bound=0.0,
+        command=command("nightly", only=check),
+        path=f"/{subject}",
+        note=trouble,
+    )
 
 
 @dataclass(frozen=True)
@@ -56,6 +117,11 @@ class Item(Protocol):
         """About how many seconds it takes, where no night has told."""
         ...
 
+    @property
+    def timed(self) -> bool:
+        """Whether it runs by itself, on this machine: its time is what is measured."""
+        ...
+
     def find(self, folder: Path) -> Found:
         """Carry it out in this process, with files into a folder of its own."""
         ...
@@ -70,8 +136,9 @@ class Checked:
     """A check of the harness; while it runs it is noted which functions with a known fault it calls."""
 
     check: Check
-    guess: float
+    guess: float = field(compare=False)
     watches: bool = True
+    timed = False
 
     @property
     def name(self) -> str:
@@ -84,11 +151,11 @@ class Checked:
         with watched(targets) as calls:
             claims = self.check.claims(folder)
         # an order that was claimed and can no longer be read off has not held
-        orders = [claim for claim in claims if groups.group_of(claim) is groups.Group.ORDERS]
+        orders = [claim for claim in claims if group_of(claim) is Group.ORDERS]
         silent = [claim for claim in orders if not claim.judged]
         if silent or not any(claim.judged for claim in claims):
             said = f"{len(silent)} of its orders came to no" if silent else "none of its claims came to a"
-            claims = [*claims, groups.no_verdict(self.name, f"{said} verdict")]
+            claims = [*claims, no_verdict(self.name, f"{said} verdict")]
         reached = tuple(target for target, one in calls.items() if one.count)
         places = [located(claim, folder) for claim in claims]
         return Found(
@@ -112,9 +179,10 @@ class Control:
     """
 
     fault: str
-    guess: float
-    checks: tuple[Check, ...] = ()
-    whole: bool = True
+    guess: float = field(compare=False)
+    checks: tuple[Check, ...] = field(default=(), compare=False)
+    whole: bool = field(default=True, compare=False)
+    timed = False
 
     @property
     def name(self) -> str:
@@ -143,7 +211,8 @@ class Costed:
     refine: int
     steps: int
     rtol: float | None
-    guess: float
+    guess: float = field(compare=False)
+    timed = True
 
     @property
     def name(self) -> str:
@@ -238,3 +307,51 @@ def night_long(fault: str) -> AbstractContextManager[Calls]:
     if fault not in FAULTS:
         raise UserError(f"--fault: {fault!r} is not a fault; valid: {', '.join(FAULTS)}")
     return replaced(FAULTS[fault].target, FAULTS[fault].wrong)
+
+
+def located(claim: Claim, folder: Path) -> tuple[str, Claim]:
+    """The file in a check's folder that holds a claim's numbers, and the claim with its path in that file."""
+    for name in (COMPARISON, ORDERS):
+        if (folder / name).exists():
+            return name, claim
+    runs = sorted(_finished(folder), key=lambda run: run.stat().st_mtime_ns)
+    if not runs:
+        return "", claim
+    inside = claim.path.split("/", 4)[-1]  # behind /runs/<scene>/<method>/, which a comparison links
+    return runs[0].name, replace(claim, path=f"/{inside}")
+
+
+def _finished(folder: Path) -> list[Path]:
+    """The runs of a folder, without what is left of one that was killed."""
+    return [run for run in folder.glob("*.vtkhdf") if not run.stem.endswith(".partial")]
+
+
+def numbers_in(folder: Path, check: str) -> Iterator[Number]:
+    """Observed orders, errors, rates, steps and times that the files in a check's folder hold."""
+    if (folder / ORDERS).exists():
+        yield from _of_orders(folder)
+    if (folder / COMPARISON).exists():
+        for triangle in read_triangles(folder / COMPARISON):
+            if triangle.quantity == "growth_rate":
+                for method, corner in zip(triangle.methods, triangle.corners, strict=False):
+                    key = f"rate/{triangle.scene}/{method} · {check}"
+                    yield Number(key, Kind.RATE, corner.value, "", f"{COMPARISON}/triangles/{triangle.key}")
+    for run in sorted(_finished(folder)):
+        if "--coarser-" in run.name:
+            continue
+        with reading(run, "run") as file:
+            steps = len(file["run/series/time"]) - 1
+            seconds = float(file["run"].attrs["wall_seconds"])
+        yield Number(f"steps/{run.stem} · {check}", Kind.COUNT, float(steps), "", run.name)
+        yield Number(f"step/{run.stem} · {check}", Kind.TIME, seconds / max(steps, 1), "s", run.name)
+
+
+def _of_orders(folder: Path) -> Iterator[Number]:
+    with reading(folder / ORDERS, "report of a study") as file:
+        orders = read_table(file["tables/orders"], Order)
+        errors = read_table(file["tables/errors"], Error)
+    known = {one.key: one.error for one in errors if np.isfinite(one.error)}  # the last of each
+    for key, error in known.items():
+        yield Number(f"error/{key}", Kind.ERROR, error, "", f"{ORDERS}/tables/errors")
+    for one in orders:
+        yield Number(f"order/{one.key}", Kind.ORDER, one.last, "", f"{ORDERS}/tables/orders")

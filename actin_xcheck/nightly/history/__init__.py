@@ -1,1 +1,0 @@
-"""Every number of every night in one file, and what changed when."""
