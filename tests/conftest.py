@@ -1,25 +1,31 @@
 """What tests of several files are given."""
 
-import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser, Page
 
-from tests.chromium import CHROMIUM, Browser
+from tests.browser import CHROMIUM, SCREEN, chromium
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """A browser with a window of 1280 by 900."""
-    if CHROMIUM is None or os.name != "posix":
+def browser() -> Iterator[Browser]:
+    if CHROMIUM is None:
         pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        browser.ask(
-            "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
-        )
+    with chromium() as browser:
         yield browser
+
+
+@pytest.fixture
+def tab(browser: Browser) -> Iterator[Page]:
+    """A window of 1280 by 900, in which no script may break down, whatever is clicked."""
+    broken: list[str] = []
+    with browser.new_page(viewport=SCREEN) as tab:
+        tab.on("pageerror", lambda error: broken.append(str(error)))
+        yield tab
+        assert not broken
 
 
 @pytest.fixture(scope="session")

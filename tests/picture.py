@@ -1,14 +1,13 @@
 """The README's picture from the report of a comparison: `python -m tests.picture reports/compare-<date>`."""
 
 import sys
-from base64 import b64decode
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from PIL import Image
+from playwright.sync_api import Page
 
-from tests.chromium import Browser
+from tests.browser import chromium, complaints
 
 PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
 SCENE = "fig14-four-fronts"
@@ -27,22 +26,17 @@ _LEAVE = """((scene) => {
 })"""
 
 
-def take(report: Path, picture: Path) -> None:
+def take(tab: Page, report: Path, picture: Path) -> None:
     """Write a PNG of the verdict and of the last film frame of Fig. 14 from the page in a folder."""
-    with TemporaryDirectory() as profile, Browser(Path(profile)) as browser:
-        screen = {"width": WIDTH, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-        browser.ask("Emulation.setDeviceMetricsOverride", **screen)
-        browser.ask(
-            "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "light"}]
-        )
-        browser.complaints((report / "index.html").resolve())
-        browser.evaluate(f"{_LEAVE}({SCENE!r})")
-        browser.evaluate("new Promise(resolve => setTimeout(resolve, 500))")
-        height = browser.evaluate("document.body.getBoundingClientRect().height")
-        clip = {"x": 0, "y": 0, "width": WIDTH, "height": height, "scale": 1}
-        shot = browser.ask("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
-    Image.open(BytesIO(b64decode(shot["data"]))).convert("RGB").save(picture, optimize=True)
+    tab.set_viewport_size({"width": WIDTH, "height": 900})
+    tab.emulate_media(color_scheme="light")
+    complaints(tab, (report / "index.html").resolve())
+    tab.evaluate(f"{_LEAVE}({SCENE!r})")
+    tab.wait_for_timeout(500)
+    shot = tab.locator("body").screenshot()
+    Image.open(BytesIO(shot)).convert("RGB").save(picture, optimize=True)
 
 
 if __name__ == "__main__":
-    take(Path(sys.argv[1]), PICTURE)
+    with chromium() as browser:
+        take(browser.new_page(), Path(sys.argv[1]), PICTURE)

@@ -7,8 +7,8 @@ import pytest
 
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Regions
+from actin_xcheck.report.figure import BANDS
 from actin_xcheck.studies.theory.curves import pictures, plots
 from actin_xcheck.studies.theory.regions import (
     DAMPED,
@@ -157,8 +157,8 @@ def test_maps_have_their_size_and_write_labels_into_their_bands(planes):
 
 
 def test_neighbours_on_a_map_are_told_apart_in_grey_and_by_every_eye(planes):
-    for key, one in planes.items():
-        colour = {each.label: each.colour for each in draw(one, "/x", key).legend}
+    for one in planes.values():
+        colour = dict(zip(one.names, BANDS * 2, strict=False))
         pairs = set()
         for here, beside in ((one.codes[1:], one.codes[:-1]), (one.codes[:, 1:], one.codes[:, :-1])):
             pairs |= set(zip(here[here != beside].tolist(), beside[here != beside].tolist(), strict=True))

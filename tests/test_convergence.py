@@ -205,7 +205,7 @@ def test_the_page_holds_every_order_and_error(report):
     for error in found.tables["errors"].rows:
         assert f"{error.error:.5g}" in page
         assert f'<a href="{error.file}">' in page
-    assert page.count("<svg") == 2  # in h and in dt, both codes together
+    assert page.count('<div class="chart"') == 2  # in h and in dt, both codes together
     assert "order 2" in page
 
 
@@ -229,10 +229,12 @@ def test_a_logarithmic_plot_with_a_guide_comes_back_and_is_drawn(tmp_path):
         read = read_record(file["plot"], Exhibit)
     assert read.log
     assert [line.guide for line in read.lines] == [False, True]
-    drawn = draw(read, "/plot", "p")
-    assert [key.shape for key in drawn.legend] == ["line", "guide"]
-    assert ">0.001<" in drawn.svg  # a plain number: nothing typesets mathematics
-    assert "mathdefault" not in drawn.svg
+    drawn = draw(read, "/plot").figure
+    errors, guide = drawn["data"]
+    assert errors["y"] == [0.1, None, 0.01, 0.0, 0.001]
+    assert (errors["mode"], guide["mode"], guide["line"]["dash"]) == ("lines+markers", "lines", "dot")
+    assert {drawn["layout"][axis]["type"] for axis in ("xaxis", "yaxis")} == {"log"}
+    assert drawn["layout"]["annotations"][0]["text"] == "✕"
 
 
 @pytest.mark.parametrize("method", [FEM, FV])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import Page
 
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
@@ -28,7 +29,7 @@ from actin_xcheck.nightly.record import (
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
-from tests.chromium import Browser
+from tests.browser import complaints
 from tests.claims import claim
 from tests.lab import FEM, FV
 from tests.test_report import SCRIPT, Tags, write_comparison_of_everything
@@ -229,84 +230,62 @@ def test_lights_are_told_apart_without_colours() -> None:
     assert "n&lt;2: not run" in drawn
 
 
-def press(browser: Browser, key: str, code: int, text: str = "") -> None:
-    for kind in ("keyDown", "keyUp"):
-        said = {"text": text} if text and kind == "keyDown" else {}
-        browser.ask("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **said)
-
-
-def click(browser: Browser, selector: str) -> None:
-    """With the mouse, in the middle of an element."""
-    found = f"document.querySelector({selector!r})"
-    browser.evaluate(f"{found}.scrollIntoView({{block: 'center'}})")
-    box = browser.evaluate(
-        f"(b => [b.x + b.width / 2, b.y + b.height / 2].join())({found}.getBoundingClientRect())"
-    )
-    x, y = map(float, box.split(","))
-    for kind in ("mousePressed", "mouseReleased"):
-        browser.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
-
-
 SHOWN = "[...document.querySelectorAll('tr.claim')].filter(row => row.offsetParent).length"
 
 
-def test_claims_are_filtered_by_typing_and_choosing(browser: Browser, reports: Path, last: Path) -> None:
+def test_claims_are_filtered_by_typing_and_choosing(tab: Page, reports: Path, last: Path) -> None:
     for page in (reports / "index.html", last):
-        assert browser.complaints(page) == []
-        assert browser.evaluate(SHOWN) == 7
-        click(browser, "input[name=text]")
-        for letter in "balance":
-            press(browser, letter, ord(letter.upper()), letter)
-        assert browser.evaluate(SHOWN) == 2
-        assert browser.evaluate("document.querySelector('output').textContent") == "2 of 7 shown"
-        browser.evaluate("document.querySelector('input[name=text]').select()")
-        press(browser, "Delete", 46)
-        assert browser.evaluate(SHOWN) == 7
-        browser.evaluate("document.querySelector('select').focus()")
-        press(browser, "ArrowDown", 40)
-        assert browser.evaluate("document.querySelector('select').value") == "fail"
-        assert browser.evaluate(SHOWN) == 2
+        assert complaints(tab, page) == []
+        assert tab.evaluate(SHOWN) == 7
+        tab.click("input[name=text]")
+        tab.keyboard.type("balance")
+        assert tab.evaluate(SHOWN) == 2
+        assert tab.evaluate("document.querySelector('output').textContent") == "2 of 7 shown"
+        tab.evaluate("document.querySelector('input[name=text]').select()")
+        tab.keyboard.press("Delete")
+        assert tab.evaluate(SHOWN) == 7
+        tab.evaluate("document.querySelector('select').focus()")
+        tab.keyboard.press("ArrowDown")
+        assert tab.evaluate("document.querySelector('select').value") == "fail"
+        assert tab.evaluate(SHOWN) == 2
         heads = "[...document.querySelectorAll('tbody[data-check]')].filter(body => body.offsetParent).length"
-        assert browser.evaluate(heads) == 2
+        assert tab.evaluate(heads) == 2
 
 
-def test_from_a_red_light_to_its_number_with_the_keyboard(
-    browser: Browser, reports: Path, last: Path
-) -> None:
-    browser.complaints(reports / "index.html")
-    press(browser, "Tab", 9)
-    assert browser.evaluate("document.activeElement.className") == "skip"
-    press(browser, "Enter", 13, "\r")
-    assert browser.evaluate("document.activeElement.id") == "main"
-    browser.complaints(last)
-    browser.evaluate("document.querySelector('.failing a').focus()")
-    press(browser, "Enter", 13, "\r")
-    browser.evaluate("new Promise(resolve => setTimeout(resolve, 100))")
+def test_from_a_red_light_to_its_number_with_the_keyboard(tab: Page, reports: Path, last: Path) -> None:
+    complaints(tab, reports / "index.html")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.className") == "skip"
+    tab.keyboard.press("Enter")
+    assert tab.evaluate("document.activeElement.id") == "main"
+    complaints(tab, last)
+    tab.evaluate("document.querySelector('.failing a').focus()")
+    tab.keyboard.press("Enter")
+    tab.evaluate("new Promise(resolve => setTimeout(resolve, 100))")
     opened = "document.querySelector(location.hash + ' details')"
-    assert browser.evaluate(f"{opened}.open")
-    text = browser.evaluate(f"{opened}.innerText")
+    assert tab.evaluate(f"{opened}.open")
+    text = tab.evaluate(f"{opened}.innerText")
     assert "again & again" in text
     assert "comparison.h5 /studies/y" in " ".join(text.split())
-    click(browser, "tr.claim[data-state=pass] summary")
-    assert browser.evaluate("document.querySelector('tr.claim[data-state=pass] details').open")
+    tab.click("tr.claim[data-state=pass] summary")
+    assert tab.evaluate("document.querySelector('tr.claim[data-state=pass] details').open")
 
 
-def test_checks_are_sorted_by_a_click(browser: Browser, last: Path) -> None:
-    browser.complaints(last)
+def test_checks_are_sorted_by_a_click(tab: Page, last: Path) -> None:
+    complaints(tab, last)
     names = "[...document.querySelectorAll('#checks ~ div tbody tr, [aria-labelledby=checks] tbody tr')]"
     order = f"{names}.map(row => row.cells[1].textContent).join('|')"
-    before = browser.evaluate(order)
-    click(browser, "[aria-labelledby=checks] th:nth-child(2) button")
-    assert browser.evaluate(order).split("|") == sorted(before.split("|"), reverse=True)
-    assert browser.evaluate("document.querySelector('[aria-sort]').getAttribute('aria-sort')") == "descending"
-    click(browser, "[aria-labelledby=checks] th:nth-child(2) button")
-    assert browser.evaluate(order).split("|") == sorted(before.split("|"))
+    before = tab.evaluate(order)
+    tab.click("[aria-labelledby=checks] th:nth-child(2) button")
+    assert tab.evaluate(order).split("|") == sorted(before.split("|"), reverse=True)
+    assert tab.evaluate("document.querySelector('[aria-sort]').getAttribute('aria-sort')") == "descending"
+    tab.click("[aria-labelledby=checks] th:nth-child(2) button")
+    assert tab.evaluate(order).split("|") == sorted(before.split("|"))
 
 
-def test_print_leaves_out_what_cannot_be_used(browser: Browser, last: Path) -> None:
-    browser.complaints(last)
-    browser.ask("Emulation.setEmulatedMedia", media="print")
-    assert browser.evaluate("getComputedStyle(document.querySelector('form')).display") == "none"
-    assert browser.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
-    assert browser.evaluate(SHOWN) == 7
-    browser.ask("Emulation.setEmulatedMedia", media="")
+def test_print_leaves_out_what_cannot_be_used(tab: Page, last: Path) -> None:
+    complaints(tab, last)
+    tab.emulate_media(media="print")
+    assert tab.evaluate("getComputedStyle(document.querySelector('form')).display") == "none"
+    assert tab.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
+    assert tab.evaluate(SHOWN) == 7

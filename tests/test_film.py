@@ -3,19 +3,18 @@
 import json
 import re
 from base64 import b64decode
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import Page
 
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.report.player import STEPS, _Store, film_data
 from actin_xcheck.runs.store import Run, read_comparison
 from actin_xcheck.studies.compare_page import write_report
-from tests.chromium import Browser
-from tests.test_dashboard import click, press
+from tests.browser import complaints
 from tests.test_report import SCRIPT, TIMES, write_comparison_of_everything
 
 FILM = "document.querySelector('.player')"
@@ -30,16 +29,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def opened(browser: Browser, page: Path) -> Iterator[Browser]:
-    """The page just opened, without a complaint, a request for anything else or a script that breaks down."""
-    assert browser.complaints(page) == []
+def film(tab: Page, page: Path) -> Page:
+    """The page just opened; a canvas is as large as its place a moment after it is shown."""
+    assert complaints(tab, page) == []
     sized = "one => one.width === Math.round(one.clientWidth * devicePixelRatio)"
-    for _ in range(250):  # a canvas is as large as its place a moment after it is shown
-        if browser.evaluate(f"[...document.querySelectorAll('canvas')].every({sized})"):
-            break
-        wait(browser, 20)
-    yield browser
-    assert not [event for event in browser.events if event["method"] == "Runtime.exceptionThrown"]
+    tab.wait_for_function(f"[...document.querySelectorAll('canvas')].every({sized})")
+    return tab
 
 
 def runs_of(page: Path, scene: str) -> list[Run]:
@@ -48,17 +43,13 @@ def runs_of(page: Path, scene: str) -> list[Run]:
     return sorted(runs, key=lambda run: not run.attributes["method_name"].startswith("fem"))
 
 
-def pixels(browser: Browser, number: int = 0) -> str:
+def pixels(tab: Page, number: int = 0) -> str:
     """What a canvas of the first film shows."""
-    return browser.evaluate(f"{FILM}.querySelectorAll('canvas')[{number}].toDataURL()")
+    return tab.evaluate(f"{FILM}.querySelectorAll('canvas')[{number}].toDataURL()")
 
 
-def text(browser: Browser, selector: str, film: str = FILM) -> str:
-    return browser.evaluate(f"{film}.querySelector({selector!r}).textContent")
-
-
-def wait(browser: Browser, milliseconds: int) -> None:
-    browser.evaluate(f"new Promise(resolve => setTimeout(resolve, {milliseconds}))")
+def text(tab: Page, selector: str, film: str = FILM) -> str:
+    return tab.evaluate(f"{film}.querySelector({selector!r}).textContent")
 
 
 def unpacked(data: dict, at: int, low: float, high: float) -> np.ndarray:
@@ -117,120 +108,119 @@ def test_a_failed_run_has_no_frame_where_it_had_ended(page: Path) -> None:
     assert failed["outcome"] == "tangled"
 
 
-def test_play_runs_to_the_end_and_pauses(opened: Browser) -> None:
-    start = pixels(opened)
-    click(opened, ".player .play")
-    wait(opened, 500)
-    assert text(opened, ".play") == "Pause"
-    assert text(opened, ".time") == "t between 0 and 0.05"
-    assert pixels(opened) != start
-    click(opened, ".player .play")  # pauses at an output time
-    assert text(opened, ".play") == "Play"
-    assert text(opened, ".time") in {"t = 0", "t = 0.05"}
-    resting = pixels(opened)
-    wait(opened, 300)
-    assert pixels(opened) == resting
-    opened.evaluate(f"{FILM}.querySelector('input').focus()")
-    press(opened, "End", 35)
-    press(opened, "ArrowLeft", 37)
-    assert text(opened, ".time") == "t = 0.13"
-    opened.evaluate(f"{FILM}.querySelector('.play').focus()")
-    press(opened, " ", 32, " ")
-    wait(opened, 1300)
-    assert text(opened, ".time") == "t = 0.1636"
-    assert text(opened, ".play") == "Play"
-    assert opened.evaluate(f"{FILM}.querySelector('input').value") == "4"
+def test_play_runs_to_the_end_and_pauses(film: Page) -> None:
+    start = pixels(film)
+    film.click(".player .play")
+    film.wait_for_timeout(500)
+    assert text(film, ".play") == "Pause"
+    assert text(film, ".time") == "t between 0 and 0.05"
+    assert pixels(film) != start
+    film.click(".player .play")  # pauses at an output time
+    assert text(film, ".play") == "Play"
+    assert text(film, ".time") in {"t = 0", "t = 0.05"}
+    resting = pixels(film)
+    film.wait_for_timeout(300)
+    assert pixels(film) == resting
+    film.evaluate(f"{FILM}.querySelector('input').focus()")
+    film.keyboard.press("End")
+    film.keyboard.press("ArrowLeft")
+    assert text(film, ".time") == "t = 0.13"
+    film.evaluate(f"{FILM}.querySelector('.play').focus()")
+    film.keyboard.press(" ")
+    film.wait_for_timeout(1300)
+    assert text(film, ".time") == "t = 0.1636"
+    assert text(film, ".play") == "Play"
+    assert film.evaluate(f"{FILM}.querySelector('input').value") == "4"
 
 
-def test_output_times_are_stepped_through_by_arrow_keys(opened: Browser) -> None:
-    opened.evaluate(f"{FILM}.querySelector('input').focus()")
-    seen = [text(opened, ".time")]
-    shown = {pixels(opened)}
+def test_output_times_are_stepped_through_by_arrow_keys(film: Page) -> None:
+    film.evaluate(f"{FILM}.querySelector('input').focus()")
+    seen = [text(film, ".time")]
+    shown = {pixels(film)}
     for _ in TIMES[1:]:
-        press(opened, "ArrowRight", 39)
-        seen.append(text(opened, ".time"))
-        shown.add(pixels(opened))
+        film.keyboard.press("ArrowRight")
+        seen.append(text(film, ".time"))
+        shown.add(pixels(film))
     assert seen == [f"t = {t:.4g}" for t in TIMES]
     assert len(shown) == len(TIMES)
-    assert opened.evaluate(f"{FILM}.querySelector('input').getAttribute('aria-valuetext')") == "t = 0.1636"
-    label = opened.evaluate(f"{FILM}.querySelector('canvas').getAttribute('aria-label')")
+    assert film.evaluate(f"{FILM}.querySelector('input').getAttribute('aria-valuetext')") == "t = 0.1636"
+    label = film.evaluate(f"{FILM}.querySelector('canvas').getAttribute('aria-label')")
     assert label.startswith("a of fem-p1-paper at t = 0.1636, values ")
 
 
-def test_who_asked_for_less_motion_sees_output_times_alone(opened: Browser) -> None:
-    opened.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
-    click(opened, ".player .play")
-    wait(opened, 500)
-    assert text(opened, ".time") == "t = 0"
-    wait(opened, 900)
-    assert text(opened, ".time") == "t = 0.05"
-    opened.ask("Emulation.setEmulatedMedia", features=[])
+def test_who_asked_for_less_motion_sees_output_times_alone(film: Page) -> None:
+    film.emulate_media(reduced_motion="reduce")
+    film.click(".player .play")
+    film.wait_for_timeout(500)
+    assert text(film, ".time") == "t = 0"
+    film.wait_for_timeout(900)
+    assert text(film, ".time") == "t = 0.05"
 
 
-def test_the_mesh_is_drawn_and_taken_away(opened: Browser) -> None:
-    without = [pixels(opened, i) for i in range(3)]
-    click(opened, ".player input[type=checkbox]")
-    assert all(pixels(opened, i) != without[i] for i in range(3))
-    click(opened, ".player input[type=checkbox]")
-    assert [pixels(opened, i) for i in range(3)] == without
+def test_the_mesh_is_drawn_and_taken_away(film: Page) -> None:
+    without = [pixels(film, i) for i in range(3)]
+    film.click(".player input[type=checkbox]")
+    assert all(pixels(film, i) != without[i] for i in range(3))
+    film.click(".player input[type=checkbox]")
+    assert [pixels(film, i) for i in range(3)] == without
 
 
-def test_the_value_under_the_pointer_is_that_of_the_triangle(opened: Browser, page: Path) -> None:
-    opened.evaluate(f"{FILM}.querySelector('input').focus()")
-    press(opened, "End", 35)
-    opened.evaluate(f"{FILM}.querySelector('canvas').scrollIntoView({{block: 'center'}})")
-    box = opened.evaluate(f"JSON.stringify({FILM}.querySelector('canvas').getBoundingClientRect())")
+def test_the_value_under_the_pointer_is_that_of_the_triangle(film: Page, page: Path) -> None:
+    film.evaluate(f"{FILM}.querySelector('input').focus()")
+    film.keyboard.press("End")
+    film.evaluate(f"{FILM}.querySelector('canvas').scrollIntoView({{block: 'center'}})")
+    box = film.evaluate(f"JSON.stringify({FILM}.querySelector('canvas').getBoundingClientRect())")
     box, runs = json.loads(box), runs_of(page, "fig14")
     left, bottom, right, top = film_data(runs, film_strip(runs))["window"]
     middle = runs[0].points[-1][:, runs[0].triangles[:, 40]].mean(axis=1)
     x = box["x"] + box["width"] * (middle[0] - left) / (right - left)
     y = box["y"] + box["height"] * (top - middle[1]) / (top - bottom)
-    opened.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-    said = [text(opened, f".pane:nth-child({i}) .extent") for i in (1, 2, 3)]
+    film.mouse.move(x, y)
+    said = [text(film, f".pane:nth-child({i}) .extent") for i in (1, 2, 3)]
     values = [float(one.split("·")[-1].split()[0].replace("−", "-")) for one in said]
     a, b = (run.a_cells[-1][40] for run in runs)
     assert values[:2] == pytest.approx([a, b], rel=1e-4)
     assert values[2] == pytest.approx(b - a, rel=1e-3)
-    opened.evaluate(f"{FILM}.querySelector('canvas').focus()")
-    marked = pixels(opened)
-    press(opened, "ArrowRight", 39)
-    assert pixels(opened) != marked
-    press(opened, "Escape", 27)
-    assert "mark" not in text(opened, ".extent")
+    film.evaluate(f"{FILM}.querySelector('canvas').focus()")
+    marked = pixels(film)
+    film.keyboard.press("ArrowRight")
+    assert pixels(film) != marked
+    film.keyboard.press("Escape")
+    assert "mark" not in text(film, ".extent")
 
 
-def test_runs_are_chosen_where_there_are_more_than_two(opened: Browser) -> None:
-    assert opened.evaluate(f"{FILM}.querySelectorAll('select').length") == 0
+def test_runs_are_chosen_where_there_are_more_than_two(film: Page) -> None:
+    assert film.evaluate(f"{FILM}.querySelectorAll('select').length") == 0
     options = f"[...{LAST}.querySelectorAll('select')].map(one => one.selectedOptions[0].textContent).join()"
-    assert opened.evaluate(options) == "fem-p1-paper,fv-driven"
-    before = opened.evaluate(f"{LAST}.querySelectorAll('canvas')[1].toDataURL()")
-    opened.evaluate(f"{LAST}.querySelectorAll('select')[1].focus()")
-    press(opened, "ArrowDown", 40)
-    assert opened.evaluate(options) == "fem-p1-paper,fv-tpfa"
-    assert text(opened, ".apart", LAST) == "fv-tpfa − fem-p1-paper"
-    assert opened.evaluate(f"{LAST}.querySelectorAll('canvas')[1].toDataURL()") == before  # alike at t = 0
-    opened.evaluate(f"{LAST}.querySelector('input').focus()")
+    assert film.evaluate(options) == "fem-p1-paper,fv-driven"
+    before = film.evaluate(f"{LAST}.querySelectorAll('canvas')[1].toDataURL()")
+    film.evaluate(f"{LAST}.querySelectorAll('select')[1].focus()")
+    film.keyboard.press("ArrowDown")
+    assert film.evaluate(options) == "fem-p1-paper,fv-tpfa"
+    assert text(film, ".apart", LAST) == "fv-tpfa − fem-p1-paper"
+    assert film.evaluate(f"{LAST}.querySelectorAll('canvas')[1].toDataURL()") == before  # alike at t = 0
+    film.evaluate(f"{LAST}.querySelector('input').focus()")
     for _ in TIMES[1:]:
-        press(opened, "ArrowRight", 39)
-    assert "no frame, the run is tangled" in text(opened, ".pane:nth-child(2) .extent", LAST)
+        film.keyboard.press("ArrowRight")
+    assert "no frame, the run is tangled" in text(film, ".pane:nth-child(2) .extent", LAST)
 
 
-def test_paper_and_a_browser_without_scripts_show_the_strip(opened: Browser, page: Path) -> None:
+def test_paper_and_a_browser_without_scripts_show_the_strip(film: Page, page: Path) -> None:
     shown = (
         "[...document.querySelectorAll('.player, .frames')].map(one => one.offsetHeight > 0 ? 1 : 0).join('')"
     )
-    assert opened.evaluate(shown) == "10" * 4
-    opened.ask("Emulation.setEmulatedMedia", media="print")
-    assert opened.evaluate(shown) == "01" * 4
-    opened.ask("Emulation.setEmulatedMedia", media="")
+    assert film.evaluate(shown) == "10" * 4
+    film.emulate_media(media="print")
+    assert film.evaluate(shown) == "01" * 4
+    film.emulate_media(media="screen")
     silent = page.with_name("silent.html")
     silent.write_text(re.sub("<script.*?</script>", "", page.read_text("utf-8"), flags=re.DOTALL), "utf-8")
-    opened.complaints(silent)
-    assert opened.evaluate(shown) == "01" * 4
+    complaints(film, silent)
+    assert film.evaluate(shown) == "01" * 4
 
 
-def test_everything_that_can_be_used_has_a_name(opened: Browser) -> None:
-    nodes = opened.ask("Accessibility.getFullAXTree")["nodes"]
+def test_everything_that_can_be_used_has_a_name(film: Page) -> None:
+    nodes = film.context.new_cdp_session(film).send("Accessibility.getFullAXTree")["nodes"]
     used = [
         (node["role"]["value"], node.get("name", {}).get("value", ""))
         for node in nodes

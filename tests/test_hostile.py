@@ -215,7 +215,7 @@ def test_hostile_words_make_no_markup_in_an_exhibit(tag):
         macro = environment(Path()).from_string(
             '{% from "exhibits.html" import exhibits %}{{ exhibits(drawings) }}'
         )
-        return _Elements(macro.render(drawings=[draw(one, word, "p") for one in (plot, sheet)]))
+        return _Elements(macro.render(drawings=[draw(one, word) for one in (plot, sheet)]))
 
     plain, hostile = elements("harmless"), elements(tag)
     assert hostile.tags == plain.tags

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from PIL import Image
+from playwright.sync_api import Page
 
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.report.draw import Drawing
+from actin_xcheck.report.environment import environment
+from actin_xcheck.report.figure import STYLES
 from actin_xcheck.report.lattice import colour_of
-from actin_xcheck.report.svg import STYLES
-from actin_xcheck.report.ticks import ticks
 from actin_xcheck.studies.frontier.classes import Kind
-from tests.chromium import Browser
+from tests.browser import complaints
 from tests.colours import SEEN, lab, linear
 from tests.legible import unreadable
 from tests.picture import PICTURE, WIDTH, take
@@ -25,22 +25,19 @@ SLOW = ("chart", "frontier", "converge", "distort", "extremes")
 
 
 @pytest.mark.parametrize("kind", [*QUICK, *(pytest.param(one, marks=pytest.mark.slow) for one in SLOW)])
-def test_everything_on_a_page_can_be_read(
-    browser: Browser, page_of: Callable[[str], Path], kind: str
-) -> None:
+def test_everything_on_a_page_can_be_read(tab: Page, page_of: Callable[[str], Path], kind: str) -> None:
     for theme in ("light", "dark"):
-        browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+        tab.emulate_media(color_scheme=theme)
         for width in (1280, 390):
-            screen = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
-            browser.ask("Emulation.setDeviceMetricsOverride", **screen)
-            assert browser.complaints(page_of(kind)) == []
-            assert unreadable(browser) == []
+            tab.set_viewport_size({"width": width, "height": 900})
+            assert complaints(tab, page_of(kind)) == []
+            assert unreadable(tab) == []
 
 
 def test_the_readmes_picture_is_a_report_in_its_colours(
-    browser: Browser, page_of: Callable[[str], Path], tmp_path: Path
+    tab: Page, page_of: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    take(page_of("curves").parent, tmp_path / "again.png")
+    take(tab, page_of("curves").parent, tmp_path / "again.png")
     for picture in (PICTURE, tmp_path / "again.png"):
         assert picture.stat().st_size < 400_000
         with Image.open(picture) as image:
@@ -49,22 +46,22 @@ def test_the_readmes_picture_is_a_report_in_its_colours(
     assert "python -m tests.picture" in (PICTURE.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
-AXES = """'{"box": [50, 10, 250, 90], "x": ["linear", 0, 3], "y": ["log", 0.1, 100], "names": ["", ""]}'"""
+def chart(x: tuple[str, ...], y: tuple[str, ...], *more: dict) -> str:
+    """A chart whose labels stand evenly along its axes: 0 to 3, three decades upwards."""
+    across, up = (
+        {"tickvals": at, "ticktext": said} for at, said in (([0, 1, 2, 3], x), ([0.1, 1, 10, 100], y))
+    )
+    axes = {"xaxis": {"range": [0, 3.2], **across}, "yaxis": {"type": "log", "range": [-1, 2.1], **up}}
+    data = [{"type": "scatter", "x": [0, 3], "y": [1, 2]}]
+    figure = {"data": data, "layout": {"height": 200, "annotations": list(more), **axes}}
+    words = """{% extends "base.html" %}{% from "exhibits.html" import plot %}{% block title %}{% endblock %}
+        {% block body %}<p>words</p>{{ plot(drawing) }}{% endblock %}"""
+    drawing = Drawing("plot", "a chart", "", "", figure)
+    return environment(Path()).from_string(words).render(drawing=drawing)
 
 
-def drawing(x: tuple[str, ...], y: tuple[str, ...], more: str = "") -> str:
-    """A page with one drawing, whose labels stand evenly along its axes: 0 to 3, three decades upwards."""
-    across = (
-        f'<text class="tick x" x="{50 + 200 * i / 3}" y="105" text-anchor="middle">{one}</text>'
-        for i, one in enumerate(x)
-    )
-    up = (
-        f'<text class="tick y" x="45" y="{93 - 80 * i / 3}" text-anchor="end">{one}</text>'
-        for i, one in enumerate(y)
-    )
-    style = "svg { width: 300px } text { font: 9px sans-serif }"
-    drawn = "".join((*across, *up, more))
-    return f'<style>{style}</style><svg viewBox="0 0 300 120" data-axes={AXES}>{drawn}</svg>'
+def text(said: str, x: float) -> dict:
+    return {"text": said, "x": x, "y": 0.5, "showarrow": False, "yref": "paper"}
 
 
 RIGHT = ("0", "1", "2", "3"), ("0.1", "1", "10", "1e2")
@@ -73,13 +70,13 @@ RIGHT = ("0", "1", "2", "3"), ("0.1", "1", "10", "1e2")
 @pytest.mark.parametrize(
     ("page", "said"),
     [
-        (drawing(*RIGHT), ""),
-        (drawing(("0", "1", "1", "3"), RIGHT[1]), "equal labels"),
-        (drawing(RIGHT[0], ("0.1", "1", "", "")), "fewer than three labels"),
-        (drawing(RIGHT[0], ("0.1", "1", "30", "1e2")), '"30" stands where another number belongs'),
-        (drawing(("0", "1", "2", "1e-9+3.14"), RIGHT[1]), 'no number: "1e-9+3.14"'),
-        (drawing(*RIGHT, '<text x="112" y="107">1e-9</text>'), "one over another"),
-        (drawing(*RIGHT, '<text x="-20" y="50">exact solution</text>'), "clipped"),
+        (chart(*RIGHT), ""),
+        (chart(("0", "1", "1", "3"), RIGHT[1]), "equal labels"),
+        (chart(RIGHT[0], ("0.1", "1", "", "")), "fewer than three labels"),
+        (chart(RIGHT[0], ("0.1", "1", "30", "1e2")), '"30" stands where another number belongs'),
+        (chart(("0", "1", "2", "1e-9+3.14"), RIGHT[1]), 'no number: "1e-9+3.14"'),
+        (chart(*RIGHT, text("1e-9", 1), text("1e-8", 1.01)), "one over another"),
+        (chart(*RIGHT, text("exact solution", 3.2)), "clipped"),
         ('<p style="width: 3000px">wide</p>', "the page is"),
         (
             '<div style="width: 40px; overflow: hidden; white-space: nowrap">too long a sentence</div>',
@@ -93,62 +90,12 @@ RIGHT = ("0", "1", "2", "3"), ("0.1", "1", "10", "1e2")
         ('<p style="color: #ccc">pale</p>', "contrast"),
     ],
 )
-def test_what_cannot_be_read_is_noticed(browser: Browser, tmp_path: Path, page: str, said: str) -> None:
-    browser.ask(
-        "Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False
-    )
-    browser.ask("Emulation.setEmulatedMedia", features=[])
+def test_what_cannot_be_read_is_noticed(tab: Page, tmp_path: Path, page: str, said: str) -> None:
     path = tmp_path / "page.html"
-    path.write_text(f"<!doctype html><p>words</p>{page}", encoding="utf-8")
-    browser.complaints(path)
-    found = unreadable(browser)
-    assert [one for one in found if said in one] if said else not found
-
-
-def test_labels_that_were_rounded_to_one_digit() -> None:
-    assert [label for _, label in ticks("linear", 2.8e-5, 5.2e-5, 120, False)] == [
-        *("3e−5", "3.5e−5", "4e−5", "4.5e−5", "5e−5")
-    ]
-    assert [label for _, label in ticks("linear", 3.14033115, 3.140331151, 200, True)] == [
-        *("3.1403311500", "3.1403311505", "3.1403311510")
-    ]
-    assert [label for _, label in ticks("log", 1e-17, 3e-16, 120, False)] == [
-        *("1e−17", "3e−17", "1e−16", "3e−16")
-    ]
-    assert [label for _, label in ticks("linear", 0, 8000, 200, True)] == [
-        "0",
-        "2000",
-        "4000",
-        "6000",
-        "8000",
-    ]
-
-
-SIZE = st.floats(-12, 8).map(lambda power: 10**power)
-
-
-@given(
-    low=st.one_of(SIZE, SIZE.map(lambda size: -size), st.just(0.0)),
-    width=SIZE,
-    scale=st.sampled_from(["linear", "log"]),
-    across=st.booleans(),
-)
-def test_every_axis_has_three_labels_that_are_its_numbers(
-    low: float, width: float, scale: str, across: bool
-) -> None:
-    if scale == "log":
-        low = abs(low) or 1e-17
-    width = max(width, 1e-9 * abs(low))  # what drawings magnify at most
-    found = ticks(scale, low, low + width, 200.0, across)
-    labels = [label for _, label in found]
-    values = np.array([value for value, _ in found])
-    assert len(set(labels)) == len(labels) >= 3
-    measure = np.log if scale == "log" else np.asarray
-    start, *places, end = measure([low, *values, low + width])  # beyond the ends round-off alone may lie
-    assert min(places) >= start - 1.01e-6 * (end - start)
-    assert max(places) <= end + 1.01e-6 * (end - start)
-    said = np.array([float(label.replace("−", "-")) for label in labels])
-    assert (np.abs(said - values) <= 0.01 * np.diff(values).min()).all()
+    path.write_text(page if "<html" in page else f"<!doctype html><p>words</p>{page}", encoding="utf-8")
+    complaints(tab, path)
+    found = unreadable(tab)
+    assert [one for one in found if said in one] if said else found == []
 
 
 # colours

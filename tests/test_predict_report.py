@@ -1,6 +1,7 @@
 """Exhibits in files and on pages: they come back as they were, and the page holds all and no markup."""
 
 import json
+import html
 import re
 import subprocess
 import sys
@@ -39,6 +40,7 @@ from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import Report, write_report
 from actin_xcheck.studies.theory.study import Drawn
+from tests.browser import complaints
 from tests.test_report import Tags
 
 EVIL = "<script>console.error('injected')</script> & \"$\\frac{1}{2}$\" ψ̃"
@@ -132,7 +134,8 @@ def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
         write_record(file.create_group("strange"), table)
         file["strange"].attrs["class"] = "Chapter"
         with pytest.raises(
-            ValueError, match=r"Plot, Picture, Shots, Outlines, Regions, Classes, Sheet, not 'Chapter'"
+            ValueError,
+            match=r"Plot, Intervals, Picture, Shots, Outlines, Regions, Classes, Sheet, not 'Chapter'",
         ):
             read_record(file["strange"], Exhibit)
 
@@ -204,19 +207,15 @@ def test_the_same_file_gives_the_same_page(page):
 
 
 def test_maps_are_drawn_where_their_pixels_are():
-    """The code at (x, y) has its colour there, and the image is not upside down."""
+    """The code at (x, y) has its colour and its name there, and regions that do not occur no legend."""
     *_, regions, _, _, _ = exhibits()
-    drawing = draw(regions, "/x", "x")
-    assert [key.label for key in drawing.legend] == [regions.names[code] for code in range(4)]
-    assert drawing.svg.count("<image") == 1
-    png = re.search(r"data:image/png;base64,\s*([^\"]+)", drawing.svg)[1]
-    seen = imread(BytesIO(b64decode(png)))[:, :, :3]
-    assert seen.shape[:2] == regions.codes.shape
-    upwards = float(re.search(r"<image[^>]*transform=\"matrix\(([^)]*)\)", drawing.svg)[1].split()[3])
-    assert upwards < 0  # the image's first row is drawn at the bottom, where y is least
-    for code, key in enumerate(drawing.legend):
-        colour = [int(key.colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-        assert np.allclose(seen[regions.codes == code], colour, atol=0.01)
+    pixels, *rest = draw(regions, "/x").figure["data"]
+    assert np.array_equal(pixels["z"], regions.codes)
+    assert (pixels["x"], pixels["y"]) == (pytest.approx(regions.x), pytest.approx(regions.y))
+    assert [html.unescape(name) for name in pixels["names"]] == list(regions.names)
+    colours = dict(zip(pixels["names"], [colour for _, colour in pixels["colorscale"][::2]], strict=True))
+    legend = {one["name"]: one["marker"]["color"] for one in rest if "marker" in one}
+    assert legend == {name: colours[name] for name in list(colours)[:4]}
 
 
 def test_a_folder_without_a_report_is_the_users_mistake(tmp_path, page):
@@ -254,17 +253,17 @@ def test_threshold_names_the_lowest():
     assert found("--p", "1.646", "--delta", "full", "--m", "1:1")["lowest"] is None
 
 
-def test_a_browser_shows_the_page_without_a_complaint(browser, page):
-    assert browser.complaints(page) == []
+def test_a_browser_shows_the_page_without_a_complaint(tab, page):
+    assert complaints(tab, page) == []
     pictures = "Array.from(document.images, image => image.naturalWidth > 100)"
-    assert browser.evaluate(f"{pictures}.length") == 2 + 3 + 3
-    assert browser.evaluate(f"{pictures}.every(Boolean)")
+    assert tab.evaluate(f"{pictures}.length") == 2 + 3 + 3
+    assert tab.evaluate(f"{pictures}.every(Boolean)")
     ink = set()
     for theme in ("light", "dark"):
-        browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
-        browser.complaints(page)
-        ink.add(browser.evaluate("getComputedStyle(document.querySelector('.plot svg text')).fill"))
-        ink.add(browser.evaluate("getComputedStyle(document.querySelector('figure')).backgroundColor"))
+        tab.emulate_media(color_scheme=theme)
+        complaints(tab, page)
+        ink.add(tab.evaluate("getComputedStyle(document.querySelector('.chart .xtick text')).fill"))
+        ink.add(tab.evaluate("getComputedStyle(document.querySelector('figure')).backgroundColor"))
     assert len(ink) == 4
 
 

@@ -4,10 +4,12 @@ Pictures hold no text, which is left to HTML: it can be selected and follows the
 """
 
 from base64 import b64encode
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -17,7 +19,6 @@ from matplotlib.figure import Figure
 
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array
-from actin_xcheck.report.svg import unstyled
 
 OUTLINE = "#8a8f98"  # seen on white and on black
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"
@@ -27,6 +28,14 @@ _DPI = 120
 
 Window = tuple[Array, Array]
 """Lower left and upper right corner, (2,) each."""
+
+
+@contextmanager
+def unstyled() -> Iterator[None]:
+    """A context in which pictures are to be made: matplotlib's own style, whatever a `matplotlibrc` says."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        yield
 
 
 @dataclass(frozen=True)

@@ -1,28 +1,17 @@
 """Charts over time, all runs of a scene together."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from actin_xcheck.core.model import Array
-from actin_xcheck.report.svg import INK, STYLES, calm, styled, svg
+from actin_xcheck.report.draw import Drawing, draw
+from actin_xcheck.report.exhibits import Line, Plot
 from actin_xcheck.runs.store import Run
 
 _ROUND_OFF = 1e-17
 """Residuals below it, exact zeros above all, are drawn here: a logarithm has no place for them."""
-
-
-@dataclass(frozen=True)
-class Chart:
-    """One chart as inline SVG, its title, and what its lines are and where their numbers stand."""
-
-    title: str
-    note: str
-    path: str
-    svg: str
 
 
 @dataclass(frozen=True)
@@ -60,48 +49,38 @@ _GAUGED = (
     ),
     _Quantity("Net torque", "that the gauge carries, about the centroid", ("net_torque",)),
 )
-_DASHES = ("-", (0, (4, 2)))
 
 
-def charts(runs: Sequence[Run], prefix: str) -> list[Chart]:
-    """Return the charts of one scene; `prefix` keeps ids apart from those of other scenes on the page."""
+def charts(runs: Sequence[Run]) -> list[Drawing]:
+    """Return the charts of one scene, and where in a run's file their numbers stand."""
     measured = {name for run in runs for name in run.series}
     quantities = [q for q in (_GROWTH, *_QUANTITIES, *_GAUGED) if measured.issuperset(q.series)]
-    with styled():
-        return [_chart(quantity, runs, f"{prefix}-{i}") for i, quantity in enumerate(quantities)]
+    return [draw(chart(one, runs), f"/run/series/{', '.join(one.series)}") for one in quantities]
 
 
-def _chart(quantity: _Quantity, runs: Sequence[Run], prefix: str) -> Chart:
-    figure = Figure(figsize=(4.2, 2.5))
-    axes = figure.add_subplot(xlabel="t", yscale="log" if quantity.log else "linear")
-    for run, style in zip(runs, STYLES * len(runs), strict=False):
-        if not all(name in run.series for name in quantity.series):
-            continue
-        time = run.series["time"]
-        method = run.attributes["method_name"]
-        for values, dash, name in zip(quantity.lines(run), _DASHES, quantity.names, strict=False):
-            shown = np.clip(np.abs(values), _ROUND_OFF, None) if quantity.log else values
-            axes.plot(
-                time, shown, color=style.colour, linewidth=style.width, linestyle=dash, label=method + name
-            )
-            if run.attributes["outcome"] != "completed":
-                axes.plot(time[-1:], shown[-1:], "x", color=style.colour, markersize=7, markeredgewidth=2)
-        if quantity is _GROWTH and "growth_rate_predicted" in run.attributes:
-            _predict(
-                axes, time, np.abs(quantity.lines(run)[0]), float(run.attributes["growth_rate_predicted"])
-            )
-    calm(axes)
-    return Chart(
-        quantity.title,
-        quantity.note,
-        f"/run/series/{', '.join(quantity.series)}",
-        svg(figure, f"{quantity.title} over time", prefix),
-    )
+def chart(quantity: _Quantity, runs: Sequence[Run]) -> Plot:
+    """Draw one quantity of all runs."""
+    lines = [
+        line
+        for number, run in enumerate(runs)
+        if all(name in run.series for name in quantity.series)
+        for line in _lines(quantity, run, number)
+    ]
+    key = quantity.title.lower()
+    return Plot(key, quantity.title, quantity.note, "t", tuple(lines), logy=quantity.log)
 
 
-def _predict(axes: Axes, time: Array, amplitude: Array, rate: float) -> None:
-    """Draw exp(rate t) through the first amplitude."""
-    axes.plot(
-        time, amplitude[0] * np.exp(rate * time), color=INK, linewidth=1.1, linestyle=(0, (1, 2.2)), zorder=3,
-        label="predicted",
-    )  # fmt: skip
+def _lines(quantity: _Quantity, run: Run, style: int) -> Iterator[Line]:
+    """The lines of a run, a cross where it fails, and the growth that was predicted."""
+    time, method = run.series["time"], run.attributes["method_name"]
+    outcome = run.attributes["outcome"]
+    for number, (values, name) in enumerate(zip(quantity.lines(run), quantity.names, strict=False)):
+        shown = np.clip(np.abs(values), _ROUND_OFF, None) if quantity.log else values
+        yield Line(method + name, time, shown, dashed=number > 0, style=style)
+        if outcome != "completed":
+            said = f"{method}{name}: {outcome}"
+            yield Line(said, time[-1:], shown[-1:], points=True, style=style, shape="x")
+    if quantity is _GROWTH and "growth_rate_predicted" in run.attributes:
+        amplitude = np.abs(quantity.lines(run)[0][0])
+        growth = np.exp(float(run.attributes["growth_rate_predicted"]) * time)
+        yield Line(f"{method}, predicted", time, amplitude * growth, guide=True)

@@ -8,9 +8,19 @@ from actin_xcheck.core.model import Array
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve: points x (n,), y (n,) and what it is called.
+    """One curve: points x (n,), y (n,) and what it is called; one without a name is in no legend.
 
-    `points` draws markers without a line, `guide` a dotted line to compare others with.
+    Attributes
+    ----------
+    points, guide, dashed : markers without a line, a dotted line in the page's ink to compare others with,
+        or a dashed one.
+    steps : stairs that change at the points, solid.
+    style : number of its colour in `figure.STYLES`; lines that state none have one after the other.
+    shape : of its markers, as plotly.js calls it: "circle", "diamond-open", ...
+    red : whether it has the colour of what fails.
+    rail : whether its points stand on a rail above the plot, by their x alone.
+    said : what is read at each point, else its numbers.
+    x_spread, y_spread : how far a point may be off to either side, (n,) each: bars, or a band around a line.
     """
 
     label: str
@@ -18,13 +28,23 @@ class Line:
     y: Array
     points: bool = False
     guide: bool = False
+    dashed: bool = False
+    steps: bool = False
+    style: int = -1
+    shape: str = "circle"
+    red: bool = False
+    rail: bool = False
+    said: tuple[str, ...] = ()
+    x_spread: Array | None = None
+    y_spread: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
     """Curves in one pair of axes; `marks` are abscissae with a name, such as the wave numbers of the disk.
 
-    `log` makes both axes logarithmic and shows every point of a line.
+    `log` makes both axes logarithmic and shows every point of a line, `logy` the ordinate alone; `levels`
+    are ordinates with a name, as `marks`.
     """
 
     key: str
@@ -34,6 +54,26 @@ class Plot:
     lines: tuple[Line, ...]
     marks: tuple[tuple[str, float], ...] = ()
     log: bool = False
+    logy: bool = False
+    ylabel: str = ""
+    levels: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """Numbers (n,) with their uncertainties (n,), one below the other.
+
+    `styles` are the numbers of their colours, -1 the page's ink.
+    """
+
+    key: str
+    title: str
+    note: str
+    xlabel: str
+    names: tuple[str, ...]
+    values: Array
+    uncertainties: Array
+    styles: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +188,7 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
 
 
-Exhibit = Plot | Picture | Shots | Outlines | Regions | Classes | Sheet
+Exhibit = Plot | Intervals | Picture | Shots | Outlines | Regions | Classes | Sheet
 
 
 @dataclass(frozen=True)

@@ -1,27 +1,19 @@
-"""Planes divided by the classes of their points, as drawings that say of every point what it is."""
+"""Planes divided by the classes of their points, as figures that say of every point what it is."""
 
+import html
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import product
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.report.exhibits import Classes, Places
-from actin_xcheck.report.svg import axes_data
-from actin_xcheck.report.ticks import ticks
+from actin_xcheck.report.exhibits import Classes, Line, Places
 
 Node = tuple[int, int]
 """Column and row."""
-
-Box = tuple[float, float, float, float]
-"""Left, right, bottom and top, in places of the lattice."""
-
-FRAME = {"width": 420, "height": 330, "left": 64, "right": 404, "top": 8, "bottom": 292}
-"""A drawing and, within it, its axes: right and down."""
-
-_LETTERS = 9 / 11
-"""Height of other drawings' letters over these'."""
 
 _COLOURS = {
     "not run": "#f8f6f2",
@@ -44,60 +36,20 @@ _FAILURES = {
 }
 """From light to dark, so that no two are one grey; apart for eyes without red, green or blue too."""
 
-_DASHES = ("6 3", "1.5 2.5", "9 2 2 2", "3 2", "12 3")
+_DASHES = ("6px,3px", "1.5px,2.5px", "9px,2px,2px,2px", "3px,2px", "12px,3px")
+_DARK = "#111111"
+
+WIDE = 36
+"""Letters of a line of a title or of a legend."""
+
+READ = "%{text}<extra></extra>"
+"""What is read where the pointer rests: the text and nothing else."""
 
 
-@dataclass(frozen=True)
-class _Block:
-    """A rectangle of one class."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-    colour: str
-
-
-@dataclass(frozen=True)
-class _Dot:
-    """A point with its sentence."""
-
-    x: float
-    y: float
-    title: str
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """A line of theory."""
-
-    label: str
-    points: str
-    dash: str
-
-
-@dataclass(frozen=True)
-class _Tick:
-    """A label at a coordinate of the drawing."""
-
-    at: float
-    text: str
-
-
-@dataclass(frozen=True)
-class Divided:
-    """A plane ready for the template: everything in units of its drawing; `axes` as `svg.axes_data`."""
-
-    names: tuple[str, str]
-    axes: str
-    blocks: tuple[_Block, ...]
-    border: str
-    dots: tuple[_Dot, ...]
-    curves: tuple[_Curve, ...]
-    xticks: tuple[_Tick, ...]
-    yticks: tuple[_Tick, ...]
-    legend: tuple[tuple[str, str], ...]
-    frame: dict[str, int]
+def text(said: str, wide: int = 0) -> str:
+    """As plotly.js shows it letter by letter, no markup and no mathematics, in lines of `wide`."""
+    lines = wrap(said, wide) if wide else [said]
+    return "<br>".join(html.escape(line, quote=False).replace("$", "&#36;") for line in lines)
 
 
 def colour_of(label: str) -> str:
@@ -107,111 +59,125 @@ def colour_of(label: str) -> str:
     return _FAILURES[Ending(label.removeprefix(_FAILED))]
 
 
-class _Scale:
-    """Places of an axis as coordinates of the drawing; between places linearly."""
-
-    def __init__(self, axis: Places, low: float, high: float) -> None:
-        self.axis, self.low, self.high = axis, low, high
-        self._ends = [self._measure(axis.values[0]), self._measure(axis.values[-1])]
-
-    @property
-    def ends(self) -> tuple[str, float, float]:
-        """The kind of the scale, the values at its low and at its high end."""
-        return "log" if self.axis.log else "linear", float(self.axis.values[0]), float(self.axis.values[-1])
-
-    def at(self, value: float) -> float:
-        """Coordinate of a value."""
-        part = (self._measure(value) - self._ends[0]) / (self._ends[1] - self._ends[0])
-        return round(self.low + part * (self.high - self.low), 2)
-
-    def place(self, number: float) -> float:
-        """Coordinate of a place of the lattice, or between two."""
-        values = [self._measure(value) for value in self.axis.values]
-        return self.at(self._back(float(np.interp(number, range(len(values)), values))))
-
-    def ticks(self) -> tuple[_Tick, ...]:
-        """Labels: of every width of the mesh, else of round numbers."""
-        if self.axis.label == "h":
-            return tuple(_Tick(self.at(value), f"1/{round(1 / value)}") for value in self.axis.values)
-        room = _LETTERS * abs(self.high - self.low)
-        found = ticks(*self.ends, room, across=self.high > self.low)
-        return tuple(_Tick(self.at(value), label) for value, label in found)
-
-    def _measure(self, value: float) -> float:
-        return math.log(value) if self.axis.log else value
-
-    def _back(self, measure: float) -> float:
-        return math.exp(measure) if self.axis.log else measure
-
-
-def divided(one: Classes) -> Divided:
-    """Draw a plane."""
-    across = _Scale(one.x, FRAME["left"], FRAME["right"])
-    up = _Scale(one.y, FRAME["bottom"], FRAME["top"])
+def classes(one: Classes) -> dict[str, Any]:
+    """Return a plane as `data` and `layout`."""
     nodes = [(int(column), int(row)) for column, row in one.nodes.T]
     labels = dict(zip(nodes, one.classes, strict=True))
-    classes = (*_COLOURS, *(f"{_FAILED}{ending}" for ending in _FAILURES))
-    box = FRAME["left"], FRAME["top"], FRAME["right"], FRAME["bottom"]
-    return Divided(
-        names=(one.x.label, one.y.label),
-        axes=axes_data(box, across.ends, up.ends, (one.x.label, one.y.label)),
-        blocks=tuple(block for cell in one.cells.tolist() for block in _blocks(cell, labels, across, up)),
-        border=_border(one, labels, across, up),
-        dots=tuple(
-            _Dot(across.place(column), up.place(row), sentence)
-            for (column, row), sentence in zip(nodes, one.sentences, strict=True)
-        ),
-        curves=tuple(
-            _Curve(line.label, _polyline(line.x, line.y, across, up), dash)
-            for line, dash in zip(one.lines, _DASHES * 2, strict=False)
-        ),
-        xticks=across.ticks(),
-        yticks=up.ticks(),
-        legend=tuple((label, colour_of(label)) for label in classes if label in labels.values()),
-        frame=FRAME,
-    )
+    every = (*_COLOURS, *(f"{_FAILED}{ending}" for ending in _FAILURES))
+    names = [name for name in every if name in labels.values()]
+    x, y = _halves(one.x), _halves(one.y)
+    grid = _grid(one, labels)
+    numbers = [[names.index(label) if label else None for label in row] for row in grid.T.tolist()]
+    border_x, border_y = _border(grid, x, y)
+    sentences = [text(sentence) for sentence in one.sentences]
+    data = [
+        painted(x, y, numbers, names, [colour_of(name) for name in names]),
+        _thin(border_x, border_y, "#ffffff", 3) | {"opacity": 0.55},
+        _thin(border_x, border_y, _DARK, 1),
+        *(trace for number, line in enumerate(one.lines) for trace in _theory(line, number)),
+        {
+            "type": "scatter", "mode": "markers", "x": [x[2 * column] for column, _ in nodes],
+            "y": [y[2 * row] for _, row in nodes], "text": sentences, "hovertemplate": READ,
+            "showlegend": False, "opacity": 0.6,
+            "marker": {"size": 4, "color": _DARK, "line": {"width": 0.6, "color": "#ffffff"}},
+        },
+        *(patch(name, colour_of(name)) for name in names),
+    ]  # fmt: skip
+    layout = {"height": 340, "xaxis": _axis(one.x), "yaxis": _axis(one.y), "hovermode": "closest"}
+    return {"data": data, "layout": layout}
 
 
-def _quarters(cell: Box) -> list[tuple[Node, Box]]:
-    """The corners of a cell with the quarter each stands for."""
-    left, right, bottom, top = cell
-    x, y = (left + right) / 2, (bottom + top) / 2
-    return [
-        ((round(i), round(j)), (min(i, x), max(i, x), min(j, y), max(j, y)))
-        for i, j in product((left, right), (bottom, top))
+def painted(
+    x: Sequence[float | None],
+    y: Sequence[float | None],
+    codes: list[list[int | None]],
+    names: list[str],
+    colours: list[str],
+) -> dict[str, Any]:
+    """A map of numbered regions, x and y their centres or edges; `names` are read where the pointer rests."""
+    n = max(len(colours), 1)
+    scale = [[(code + side) / n, colour] for code, colour in enumerate(colours) for side in (0, 1)]
+    return {
+        "type": "heatmap", "x": x, "y": y, "z": codes, "zmin": -0.5, "zmax": n - 0.5, "colorscale": scale,
+        "showscale": False, "names": [text(name) for name in names], "hovertemplate": READ,
+    }  # fmt: skip
+
+
+def patch(name: str, colour: str) -> dict[str, Any]:
+    """An entry of the legend for a colour of a map."""
+    marker = {"symbol": "square", "size": 11, "color": colour, "line": {"width": 1, "color": "#8a8f98"}}
+    return {
+        "type": "scatter",
+        "x": [None],
+        "y": [None],
+        "mode": "markers",
+        "name": text(name),
+        "marker": marker,
+    }
+
+
+def _halves(axis: Places) -> list[float]:
+    """The places of a lattice, and between any two the middle, on its scale."""
+    there, back = (np.log, np.exp) if axis.log else (np.asarray, np.asarray)
+    n = len(axis.values)
+    between = back(np.interp(np.arange(2 * n - 1) / 2, np.arange(n), there(axis.values)))
+    return [float(f"{one:.9g}") for one in between]
+
+
+def _axis(axis: Places) -> dict[str, Any]:
+    """With labels of every width of the mesh, else of round numbers; to the ends of the lattice."""
+    ends = [float(axis.values[0]), float(axis.values[-1])]
+    said: dict[str, Any] = {
+        "title": {"text": text(axis.label, WIDE)},
+        "type": "log" if axis.log else "linear",
+    }
+    said["range"] = [math.log10(end) for end in ends] if axis.log else ends
+    if axis.label == "h":
+        said |= {"tickvals": axis.values.tolist(), "ticktext": [f"1/{round(1 / h)}" for h in axis.values]}
+    return said
+
+
+def _grid(one: Classes, labels: dict[Node, str]) -> np.ndarray:
+    """Classes (2 columns - 2, 2 rows - 2) between half places: every corner of a cell has its quarter."""
+    grid = np.full((2 * len(one.x.values) - 2, 2 * len(one.y.values) - 2), None, dtype=object)
+    for left, right, low, high in one.cells.tolist():
+        for column, row in product((left, right), (low, high)):
+            across = slice(2 * left, left + right) if column == left else slice(left + right, 2 * right)
+            up = slice(2 * low, low + high) if row == low else slice(low + high, 2 * high)
+            grid[across, up] = labels[round(column), round(row)]
+    return grid
+
+
+def _border(
+    grid: np.ndarray, x: list[float], y: list[float]
+) -> tuple[list[float | None], list[float | None]]:
+    """Strokes between different classes, apart by a None."""
+    strokes = [((x[i + 1],) * 2, (y[j], y[j + 1])) for i, j in np.argwhere(grid[1:] != grid[:-1]).tolist()]
+    strokes += [
+        ((x[i], x[i + 1]), (y[j + 1],) * 2) for i, j in np.argwhere(grid[:, 1:] != grid[:, :-1]).tolist()
+    ]
+    return [at for across, _ in strokes for at in (*across, None)], [
+        at for _, up in strokes for at in (*up, None)
     ]
 
 
-def _blocks(cell: Box, labels: dict[Node, str], across: _Scale, up: _Scale) -> list[_Block]:
-    """A cell as one rectangle, or as four where its corners are not of one class."""
-    quarters = _quarters(cell)
-    if len(seen := {labels[node] for node, _ in quarters}) == 1:
-        return [_block(cell, seen.pop(), across, up)]
-    return [_block(box, labels[node], across, up) for node, box in quarters]
+def _thin(x: list[Any], y: list[Any], colour: str, width: float) -> dict[str, Any]:
+    line = {"color": colour, "width": width}
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": x,
+        "y": y,
+        "line": line,
+        "showlegend": False,
+        "hoverinfo": "skip",
+    }
 
 
-def _block(box: Box, label: str, across: _Scale, up: _Scale) -> _Block:
-    left, right = across.place(box[0]), across.place(box[1])
-    low, high = up.place(box[2]), up.place(box[3])
-    return _Block(left, high, round(right - left, 2), round(low - high, 2), colour_of(label))
-
-
-def _border(one: Classes, labels: dict[Node, str], across: _Scale, up: _Scale) -> str:
-    """The path between quarters of different classes, on the lattice of half places."""
-    columns, rows = 2 * (len(one.x.values) - 1), 2 * (len(one.y.values) - 1)
-    grid = np.empty((columns, rows), dtype=object)
-    for cell in one.cells.tolist():
-        for node, (left, right, low, high) in _quarters(cell):
-            grid[round(2 * left) : round(2 * right), round(2 * low) : round(2 * high)] = labels[node]
-    x = [across.place(number / 2) for number in range(columns + 1)]
-    y = [up.place(number / 2) for number in range(rows + 1)]
-    upright = [f"M{x[i + 1]} {y[j]}V{y[j + 1]}" for i, j in np.argwhere(grid[1:] != grid[:-1]).tolist()]
-    level = [f"M{x[i]} {y[j + 1]}H{x[i + 1]}" for i, j in np.argwhere(grid[:, 1:] != grid[:, :-1]).tolist()]
-    return "".join(upright + level)
-
-
-def _polyline(x: np.ndarray, y: np.ndarray, across: _Scale, up: _Scale) -> str:
-    """Points of a line; what lies outside the plane is clipped by the drawing."""
-    finite = np.isfinite(x) & np.isfinite(y)
-    places = zip(x[finite].tolist(), y[finite].tolist(), strict=True)
-    return " ".join(f"{across.at(a)},{up.at(b)}" for a, b in places)
+def _theory(line: Line, number: int) -> Iterator[dict[str, Any]]:
+    """A line of theory, on a halo that sets it off."""
+    finite = np.isfinite(line.x) & np.isfinite(line.y)
+    x, y = line.x[finite].tolist(), line.y[finite].tolist()
+    yield _thin(x, y, "#ffffff", 3) | {"opacity": 0.55}
+    own = {"dash": _DASHES[number % len(_DASHES)], "color": _DARK, "width": 1.2}
+    yield {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": text(line.label, WIDE), "line": own}

@@ -7,7 +7,7 @@ group with a dataset a column.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from functools import reduce
 from operator import or_
@@ -36,7 +36,8 @@ def write_record(group: h5py.Group, record: Any) -> None:
 def read_record(group: h5py.Group, kind: Any) -> Any:
     """Return the dataclass in a group, of class `kind` or of one in a union of them.
 
-    KeyError where a field is missing, ValueError where the group states a class that is not in the union.
+    A field that is missing takes its default.  KeyError where it has none, ValueError where the group states
+    a class that is not in the union.
     """
     if get_origin(kind) is UnionType:
         kinds = {one.__name__: one for one in get_args(kind)}
@@ -45,7 +46,12 @@ def read_record(group: h5py.Group, kind: Any) -> Any:
             raise ValueError(f"{group.name}: the class is one of {', '.join(kinds)}, not {name!r}")
         kind = kinds[name]
     hints = get_type_hints(kind)
-    return kind(**{field.name: _get(group, field.name, hints[field.name]) for field in fields(kind)})
+    stored = [
+        field.name
+        for field in fields(kind)
+        if field.default is MISSING or field.name in group or field.name in group.attrs
+    ]
+    return kind(**{name: _get(group, name, hints[name]) for name in stored})
 
 
 def write_table(group: h5py.Group, rows: Sequence[Any]) -> None:

@@ -9,15 +9,16 @@ from typing import Any
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.report.charts import Chart, charts
+from actin_xcheck.report.charts import charts
+from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.figure import STYLES, Style
 from actin_xcheck.report.film import FilmStrip, film_strip
 from actin_xcheck.report.player import film_data
-from actin_xcheck.report.svg import STYLES, Style
 from actin_xcheck.runs.store import Comparison, Run, read_comparison
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare import FILE_NAME
-from actin_xcheck.studies.compare_triangles import TrianglePicture, triangle_picture
+from actin_xcheck.studies.compare_triangles import intervals
 from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
 from actin_xcheck.verdicts.triangulate import Triangle, read_triangles
 
@@ -36,8 +37,8 @@ class _Section:
     strip: FilmStrip
     film: dict[str, Any]
     right: int
-    charts: tuple[Chart, ...]
-    triangles: tuple[TrianglePicture, ...]
+    charts: tuple[Drawing, ...]
+    triangles: tuple[tuple[Triangle, Drawing | None], ...]
 
     @property
     def caveat(self) -> str | None:
@@ -110,7 +111,7 @@ def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Tr
     styles = {run.attributes["method_name"]: STYLES[i % len(STYLES)] for i, run in enumerate(runs)}
     strip = film_strip(runs)
     finite_volumes = (i for i, run in enumerate(runs) if i and run.family == "fv")
-    drawn = [triangle_picture(one, styles, f"t{number}-{i}") for i, one in enumerate(triangles)]
+    numbers = {name: i for i, name in enumerate(styles)}
     return _Section(
         number,
         name,
@@ -119,9 +120,15 @@ def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Tr
         strip,
         film_data(runs, strip),
         next(finite_volumes, len(runs) - 1),
-        tuple(charts(runs, f"s{number}")),
-        tuple(drawn),
+        tuple(charts(runs)),
+        tuple((one, _drawn(one, numbers)) for one in triangles),
     )
+
+
+def _drawn(triangle: Triangle, styles: dict[str, int]) -> Drawing | None:
+    """A triangle where there was something to compare."""
+    exhibit = intervals(triangle, styles)
+    return draw(exhibit, f"/triangles/{triangle.key}") if exhibit else None
 
 
 def _stated(run: Run, name: str) -> dict[str, Any]:

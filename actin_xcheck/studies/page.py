@@ -82,12 +82,9 @@ def drawn(chapters: Iterable[Chapter]) -> list[tuple[Chapter, list[Drawing]]]:
     return [
         (
             one,
-            [
-                draw(each, f"/exhibits/{one.key}/{each.key}", f"c{i}-{j}")
-                for j, each in enumerate(one.exhibits)
-            ],
+            [draw(each, f"/exhibits/{one.key}/{each.key}") for each in one.exhibits],
         )
-        for i, one in enumerate(chapters)
+        for one in chapters
     ]
 
 

@@ -1,25 +1,20 @@
 """The page of a work-precision chart, from `chart.h5` alone."""
 
-import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from html import escape
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.report.draw import Drawing
+from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
-from actin_xcheck.report.svg import INK, STYLES, Style, styled, svg
+from actin_xcheck.report.exhibits import Line, Plot
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.chart.advice import advice_of, in_words, short
 from actin_xcheck.studies.chart.front import front
@@ -28,25 +23,19 @@ from actin_xcheck.studies.chart.record import FILE_NAME, Chart, Charted, read_ch
 from actin_xcheck.studies.chart.truth import WRONG, Quantity, Standing
 from actin_xcheck.studies.ledger_table import ledger_table
 
-_RED = "#c22f2e"
-"""Stand-in for the page's colour of what fails."""
-
-_MARKERS = {"fem": "o", "fv": "D"}
+_MARKERS = {"fem": "circle", "fv": "diamond"}
 """By the code a method belongs to."""
 
 ENDINGS = {
-    Ending.TANGLED: ("x", "✕"),
-    Ending.SINGULAR_DILATION: ("v", "▼"),
-    Ending.NEGATIVE_CONCENTRATION: ("_", "−"),
-    Ending.STEP_TOO_SMALL: ("^", "▲"),
-    Ending.NOT_CONVERGED: ("P", "✚"),
-    Ending.NON_FINITE: ("*", "★"),
-    Ending.INTERRUPTED: ("s", "■"),
+    Ending.TANGLED: ("x-thin", "✕"),
+    Ending.SINGULAR_DILATION: ("triangle-down", "▼"),
+    Ending.NEGATIVE_CONCENTRATION: ("line-ew", "−"),
+    Ending.STEP_TOO_SMALL: ("triangle-up", "▲"),
+    Ending.NOT_CONVERGED: ("cross", "✚"),
+    Ending.NON_FINITE: ("star", "★"),
+    Ending.INTERRUPTED: ("square", "■"),
 }
-"""How a failed run is marked: in matplotlib's words and in the legend."""
-
-_RAIL = 0.95
-"""Where failed runs stand, as a part of the height."""
+"""How a failed run is marked: in plotly.js's words and in the legend."""
 
 _BUSY = 0.1
 """Part of the time that runs may wait for a processor before the page warns of it."""
@@ -89,7 +78,7 @@ def write_chart_page(folder: Path) -> Path:
     if not chart.points:
         raise UserError(f"{chart.path}: no run was measured before the chart was interrupted")
     methods = list(dict.fromkeys(point.sample.point.method for point in chart.points))
-    styles = {method.name: STYLES[i % len(STYLES)] for i, method in enumerate(methods)}
+    styles = {method.name: i for i, method in enumerate(methods)}
     kernel = np.array([sample.kernel for sample in (*chart.reference, *(p.sample for p in chart.points))])
     made = environment(folder)
     made.filters |= {"short": short, "median": lambda values: f"{np.median(values):.3g}"}
@@ -103,8 +92,7 @@ def write_chart_page(folder: Path) -> Path:
         chart=chart,
         sentence=in_words(chart),
         advice=[(one.error, chart.points[one.point]) for one in advice_of(chart)],
-        rows=[(work, _row(chart, work, styles, f"c{i}")) for i, work in enumerate(WORKS)],
-        methods=[(method, styles[method.name].colour) for method in methods],
+        rows=[(work, _row(chart, work, styles)) for work in WORKS],
         endings=_endings(chart),
         standings=Counter(chart.standing(point, Quantity.CONCENTRATION) for point in chart.points),
         wrong=WRONG,
@@ -146,100 +134,81 @@ def _endings(chart: Chart) -> list[tuple[str, str]]:
     return [(ending.replace("_", " "), sign) for ending, (_, sign) in ENDINGS.items() if ending in found]
 
 
-def _row(chart: Chart, work: _Work, styles: dict[str, Style], prefix: str) -> list[Drawing]:
+def _row(chart: Chart, work: _Work, styles: dict[str, int]) -> list[Drawing]:
     """The charts of one kind of work, a quantity each."""
     return [
-        _drawn(chart, work, quantity, styles, f"{prefix}-{quantity}")
+        draw(plot(chart, work, quantity, styles), f"/points/*/error_{quantity}")
         for quantity in Quantity
         if quantity in chart.quantities or quantity is Quantity.CONCENTRATION
     ]
 
 
-def _drawn(chart: Chart, work: _Work, quantity: Quantity, styles: dict[str, Style], prefix: str) -> Drawing:
+def plot(chart: Chart, work: _Work, quantity: Quantity, styles: dict[str, int]) -> Plot:
+    """Errors of one quantity against one kind of work: every run, and what is worth its work."""
     x = np.array([work.of(point.sample) for point in chart.points])
     judged = np.array(chart.judged(quantity))
-    with styled():
-        figure = Figure(figsize=(4.2, 3.1))
-        limits = {"xlim": (x.min() / 2, x.max() * 2), "ylim": _limits(chart, quantity)}
-        axes = figure.add_subplot(xlabel=work.xlabel, xscale="log", yscale="log", **limits)
-        _lines(axes, chart, quantity)
-        for method, style in styles.items():
-            own = [i for i, point in enumerate(chart.points) if _method_of(point) == method]
-            envelope = [own[i] for i in front(x[own], judged[own])]
-            axes.plot(x[envelope], judged[envelope], color=style.colour, linewidth=0.8, alpha=0.7)
-        kept = front(x, judged)
-        if kept:
-            edge, end = axes.get_xlim()[1], judged[kept[-1]]
-            axes.plot(
-                [*x[kept], edge], [*judged[kept], end], color=INK, linewidth=1.3, drawstyle="steps-post"
-            )
-        for number, point in enumerate(chart.points):
-            _mark(axes, chart, number, quantity, work.values(point.sample), styles[_method_of(point)].colour)
-        label = f"Error of the {quantity.heading.lower()} against {work.title.lower()}"
-        text = svg(figure, label, prefix).replace(_RED, "var(--fail)")
-    titles = [escape(_said(chart, point, quantity)) for point in chart.points]
-    named = re.sub(
-        rf'(<g id="{re.escape(prefix)}-point-(\d+)"[^>]*>)',
-        lambda found: f"{found[1]}<title>{titles[int(found[2])]}</title>",
-        text,
-    )
-    return Drawing(
-        "plot", quantity.heading, f"Error: {quantity.words}.", f"/points/*/error_{quantity}", named
-    )
-
-
-def _limits(chart: Chart, quantity: Quantity) -> tuple[float, float]:
-    """Lowest and highest error shown; the rail of failed runs lies above."""
+    lines = [
+        line for name, style in styles.items() for line in _of_method(chart, work, quantity, name, style)
+    ]
+    if kept := front(x, judged):
+        edge = np.append(x[kept], x.max() * 1.5), np.append(judged[kept], judged[kept[-1]])
+        lines.append(Line("front", *edge, steps=True, guide=True))
     errors = np.array([point.errors[quantity] for point in chart.points])
     errors = errors[np.isfinite(errors) & (errors > 0)]
     low, high = (errors.min(), errors.max()) if errors.size else (1e-3, 1.0)
-    floor = chart.known[quantity].floor
-    low = min(low, floor) if floor > low / 100 else low
-    failed = any(point.sample.ending != "completed" for point in chart.points)
-    return low / 3, high * 3 * ((high / low) ** 0.12 if failed else 1.0)
+    levels, floor = [], chart.known[quantity].floor
+    if quantity is Quantity.CONCENTRATION and low < WRONG < 3 * high:
+        levels.append(("silently inaccurate", WRONG))
+    if floor > low / 100:
+        levels.append(("the reference's own error", floor))
+    note = f"Error: {quantity.words}."
+    return Plot(
+        f"{work.key}-{quantity}",
+        quantity.heading,
+        note,
+        work.xlabel,
+        tuple(lines),
+        log=True,
+        levels=tuple(levels),
+    )
 
 
-def _lines(axes: Axes, chart: Chart, quantity: Quantity) -> None:
-    """The rail of failed runs, what is silently wrong, and up to where nothing is judged."""
-    small: dict[str, Any] = {"fontsize": 7, "va": "bottom", "ha": "right"}
-    right = axes.get_yaxis_transform()
-    if any(point.sample.ending != "completed" for point in chart.points):
-        below = 2 * _RAIL - 1  # as far from the marks as the upper edge
-        axes.plot([0, 1], [below, below], color=INK, linewidth=0.4, transform=axes.transAxes)
-        axes.text(0.01, 0.995, "failed", transform=axes.transAxes, fontsize=7, va="top")
-    low, high = axes.get_ylim()
-    if quantity is Quantity.CONCENTRATION and low < WRONG < high:
-        axes.axhline(WRONG, color=_RED, linewidth=0.8, linestyle=(0, (4, 3)))
-        axes.text(0.995, WRONG, "silently inaccurate", transform=right, color=_RED, **small)
-    floor = chart.known[quantity].floor
-    if floor > low:
-        axes.axhline(floor, color=INK, linewidth=0.9, linestyle=(0, (1, 2.2)))
-        axes.text(0.005, floor, "the reference's own error", transform=right, **(small | {"ha": "left"}))
-
-
-def _mark(axes: Axes, chart: Chart, number: int, quantity: Quantity, values: Array, colour: str) -> None:
-    """Draw one point, with the spread of its repetitions, as what it is."""
-    point = chart.points[number]
-    standing, x, y = chart.standing(point, quantity), float(np.median(values)), point.errors[quantity]
-    gid = f"point-{number}"
-    if standing is Standing.FAILED:
-        marker, _ = ENDINGS[Ending(point.sample.ending)]
-        axes.plot(
-            x, _RAIL, marker, color=colour, markersize=6, markeredgewidth=1.6, gid=gid,
-            transform=axes.get_xaxis_transform(), clip_on=False,
-        )  # fmt: skip
-        return
-    if not (np.isfinite(y) and y > 0):
-        return
-    if len(values) > 1:
-        axes.plot([values.min(), values.max()], [y, y], color=colour, linewidth=0.8, alpha=0.8)
-    marker = _MARKERS.get(point.sample.point.method.family, "^")  # another package's family
-    style: dict[str, Any] = {"color": colour, "markersize": 4.2}
-    if standing is Standing.SILENT:
-        style = {"color": "none", "markeredgecolor": _RED, "markersize": 5.5, "markeredgewidth": 1.3}
-    elif standing is not Standing.JUDGED:
-        style |= {"color": "none", "markeredgecolor": colour}
-    axes.plot(x, y, marker, gid=gid, **style)
+def _of_method(chart: Chart, work: _Work, quantity: Quantity, name: str, style: int) -> Iterator[Line]:
+    """The runs of a method by their standing, what is worth its work joined by a line."""
+    own = [point for point in chart.points if _method_of(point) == name]
+    x = np.array([work.of(point.sample) for point in own])
+    y = np.array([point.errors[quantity] for point in own])
+    y = np.where(np.isfinite(y) & (y > 0), y, np.nan)
+    judged = np.array(chart.judged(quantity))[[point in own for point in chart.points]]
+    shape = _MARKERS.get(own[0].sample.point.method.family, "triangle-up")  # another package's family
+    envelope = front(x, judged)
+    yield Line("", x[envelope], judged[envelope], style=style, shape=shape)
+    standings = [chart.standing(point, quantity) for point in own]
+    for standing in dict.fromkeys([Standing.JUDGED, *standings]):
+        for ending in sorted({point.sample.ending for point in own} if standing is Standing.FAILED else {""}):
+            chosen = [
+                i
+                for i, point in enumerate(own)
+                if standings[i] is standing and ending in ("", point.sample.ending)
+            ]
+            if not chosen and standing is not Standing.JUDGED:
+                continue
+            spread = np.array([np.ptp(work.values(own[i].sample)) / 2 for i in chosen])
+            failed = standing is Standing.FAILED
+            yield Line(
+                name if standing is Standing.JUDGED else "",
+                x[chosen],
+                np.ones(len(chosen)) if failed else y[chosen],
+                points=True,
+                style=style,
+                shape=ENDINGS[Ending(ending)][0]
+                if failed
+                else shape + ("" if standing is Standing.JUDGED else "-open"),
+                red=standing is Standing.SILENT,
+                rail=failed,
+                said=tuple(_said(chart, own[i], quantity) for i in chosen),
+                x_spread=spread if spread.any() and not failed else None,
+            )
 
 
 def _said(chart: Chart, point: Charted, quantity: Quantity) -> str:
