@@ -1,20 +1,17 @@
 """Exhibits in files and on pages: they come back as they were, and the page holds all and no markup."""
 
-import json
 import html
+import json
 import re
 import subprocess
 import sys
-from base64 import b64decode
 from dataclasses import dataclass, fields
-from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from actin_xcheck.cli import predict
