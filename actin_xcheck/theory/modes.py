@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Self
 
 import numpy as np
 from scipy.special import j0, jnp_zeros, jv, jvp, yvp
@@ -38,6 +39,12 @@ class Mode:
 
     def __str__(self) -> str:
         return f"w{self.m},{self.n}"
+
+    @classmethod
+    def named(cls, name: str) -> Self:
+        """Return the mode that is called so: "w2,1"."""
+        m, n = name.removeprefix("w").split(",")
+        return cls(int(m), int(n))
 
     @property
     def k(self) -> float:

@@ -1,14 +1,24 @@
-"""What the audit is made of: one row per statement of the article, and what was found about it."""
+"""What the audit is made of: one row per statement of the article, and what is found about it.
+
+`article.toml` has a row's place and statement, and the words of its finding, in which values stand as
+{name}.  What computes them is a function marked `@examines("eq3.6")`: it returns an `answer`.
+"""
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache, cached_property
 from importlib.resources import files
+from string import Formatter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from actin_xcheck.report.exhibits import Exhibit
-from actin_xcheck.studies.audit.simulations.studies import Study
+
+if TYPE_CHECKING:
+    from actin_xcheck.studies.audit.runs import Family
 
 
 class Judgement(StrEnum):
@@ -47,37 +57,141 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What computing comes to: see `answer`."""
+
+    holds: bool
+    corrected: bool
+    exhibits: tuple[Exhibit, ...]
+    values: Mapping[str, Any]
+
+
+def answer(
+    holds: bool, *, corrected: bool = False, exhibits: tuple[Exhibit, ...] = (), **values: Any
+) -> Answer:
+    """Return what computing says to a row.
+
+    Parameters
+    ----------
+    holds : the article's statement agrees with what was computed.
+    corrected : a corrected statement does, which makes a statement that does not hold a misprint.
+    exhibits : as in `Finding`.
+    values : what the words of the row name.
+    """
+    return Answer(bool(holds), bool(corrected), exhibits, values)
+
+
+@dataclass(frozen=True)
 class Row:
     """One statement of the article.
 
     Attributes
     ----------
     key : what `--only` takes: "eq3.6", "table4", "fig21"; sentences by their section, "s5.4-failure".
-    examine : computes the finding in a few seconds, from the `Evidence` of each study, in their order.
+    examine : computes the finding in a few seconds, from the `Evidence` of each family, in their order.
     needs : gives the simulations it needs, none where theory alone decides; to state them scenes are read.
     """
 
     key: str
     examine: Callable[..., Finding]
-    needs: Callable[[], tuple[Study, ...]] = tuple
+    needs: "Callable[[], tuple[Family, ...]]" = tuple
 
     @cached_property
-    def studies(self) -> tuple[Study, ...]:
+    def families(self) -> "tuple[Family, ...]":
         """The simulations it needs."""
         return self.needs()
 
     @property
     def place(self) -> str:
         """Where it stands, for the reader: "(3.6)", "Table 4", "Section 5.4"."""
-        return _article()[self.key]["place"]
+        return str(article()[self.key]["place"])
 
     @property
     def statement(self) -> str:
         """What the article says."""
-        return _article()[self.key]["statement"]
+        return str(article()[self.key]["statement"])
 
 
 @cache
-def _article() -> dict[str, dict[str, str]]:
-    """What the article says, by key."""
-    return tomllib.loads((files(__package__) / "article.toml").read_text(encoding="utf-8"))
+def article() -> dict[str, dict[str, Any]]:
+    """Return what `article.toml` says, by key; a row has what it does not say from the one it is `like`."""
+    said = table("article.toml")
+    return {key: {**said.get(entry.get("like", ""), {}), **entry} for key, entry in said.items()}
+
+
+@cache
+def table(name: str) -> dict[str, dict[str, Any]]:
+    """Return a TOML file of this package."""
+    return tomllib.loads((files(__package__) / name).read_text(encoding="utf-8"))
+
+
+_EXAMINERS: dict[str, Callable[..., Answer]] = {}
+
+
+def examines(*keys: str) -> Callable[[Callable[..., Answer]], Callable[..., Answer]]:
+    """Mark what computes the answer to rows, of `Evidence` where they need runs, and of what they give."""
+
+    def mark(function: Callable[..., Answer]) -> Callable[..., Answer]:
+        _EXAMINERS.update(dict.fromkeys(keys, function))
+        return function
+
+    return mark
+
+
+def answered(key: str, *evidence: Any) -> Answer:
+    """Return the answer to a row; one for which nothing is computed stands as it is written."""
+    if key not in _EXAMINERS:
+        return answer(False, corrected=True)
+    given = article()[key].get("given", {})
+    got = _EXAMINERS[key](*evidence, **given)
+    return replace(got, values={**given, **got.values})
+
+
+def examined(key: str, *evidence: Any) -> Finding:
+    """Return what is found about a row: its words with what was computed, and the verdict that follows.
+
+    Where that is not the verdict for which the reason was written, the reason says so.
+    """
+    entry, got = article()[key], answered(key, *evidence)
+    written = Judgement(entry["verdict"])
+    judgement = written
+    if key in _EXAMINERS:
+        judgement = _verdict(written, got)
+    each = {
+        name: ", ".join(form.format(*pair) for pair in got.values[name].items())
+        for name, form in entry.get("each", {}).items()
+    }
+    computed, reason = (
+        _WORDS.vformat(entry[part], (), {**got.values, **each}) for part in ("computed", "reason")
+    )
+    if judgement is not written:
+        reason = f"The numbers no longer give '{written}', for which this was the reason: {reason}"
+    return Finding(judgement, computed, reason, got.exhibits, numbers(entry.get("numbers", {}), got.values))
+
+
+def _verdict(written: Judgement, got: Answer) -> Judgement:
+    if got.holds:
+        mild = Judgement.IN_KIND, Judgement.UNDECIDABLE
+        return written if written in mild else Judgement.REPRODUCED
+    return Judgement.MISPRINT if got.corrected else Judgement.NOT_REPRODUCED
+
+
+def numbers(names: Mapping[str, str], values: Mapping[str, Any]) -> dict[str, float]:
+    """Return values by the names they are stored under; {} in a name stands for the keys of a dictionary."""
+    found = {}
+    for name, path in names.items():
+        value, _ = _WORDS.get_field(path, (), values)
+        many = value if isinstance(value, Mapping) else {"": value}
+        found.update({name.format(key): float(one) for key, one in many.items()})
+    return found
+
+
+class _Words(Formatter):
+    """Lists are said one by one."""
+
+    def format_field(self, value: Any, spec: str) -> str:
+        many = isinstance(value, list) or (isinstance(value, np.ndarray) and value.ndim)
+        return ", ".join(format(one, spec) for one in value) if many else format(value, spec)
+
+
+_WORDS = _Words()

@@ -7,10 +7,14 @@ from pathlib import Path
 
 from actin_xcheck.report.exhibits import Chapter, Exhibit
 from actin_xcheck.runs.commands import command
-from actin_xcheck.studies.audit.row import Judgement
-from actin_xcheck.studies.audit.rows import ROWS
-from actin_xcheck.studies.audit.simulations.studies import Evidence
+from actin_xcheck.studies.audit import figures, linear, model, scheme, stability, weak  # noqa: F401
+from actin_xcheck.studies.audit.checks import row_of
+from actin_xcheck.studies.audit.row import Judgement, Row, article
+from actin_xcheck.studies.audit.runs import Evidence
 from actin_xcheck.studies.study import Report, Study, Table, Task
+
+ROWS: dict[str, Row] = {key: row_of(key) for key in article()}
+"""By key, in the order of the article."""
 
 SIMULATED, DERIVED = 5.0, 1.0
 """Seconds in which a row with and one without simulations is examined, about."""
@@ -52,10 +56,10 @@ class Examined:
 def paper(keys: Sequence[str], said: bool = False) -> Study:
     """Examine the rows of these keys, in their order; `said` makes a finding of what each comes to."""
     rows = [ROWS[key] for key in keys]
-    studies = dict.fromkeys(study for row in rows for study in row.studies)
-    runs = {job.file: job for study in studies for job in study.jobs().values()}
+    families = dict.fromkeys(family for one in rows for family in one.families)
+    runs = {job.file: job for family in families for job in family.jobs().values()}
     yield [job.task for job in runs.values()]
-    seconds = [SIMULATED if row.studies else DERIVED for row in rows]
+    seconds = [SIMULATED if one.families else DERIVED for one in rows]
     found: list[Examined] = yield [Task(examine, *one) for one in zip(keys, seconds, strict=True)]
     entries = [one.entry for one in found]
     counts = Counter(entry.judgement for entry in entries)
@@ -78,7 +82,7 @@ def paper(keys: Sequence[str], said: bool = False) -> Study:
 def examine(key: str, folder: Path) -> Examined:
     """Examine one row, whose runs lie in the folder."""
     row = ROWS[key]
-    evidence = [Evidence.of(study, folder) for study in row.studies]
+    evidence = [Evidence.of(family, folder) for family in row.families]
     finding = row.examine(*evidence)
     entry = Entry(
         key=key,

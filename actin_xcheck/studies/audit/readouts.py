@@ -12,6 +12,7 @@ from actin_xcheck.core.mesh import Indices, Mesh, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import centroid
 from actin_xcheck.runs.store import Run
+from actin_xcheck.theory.modes import Mode
 
 Readout = Callable[[Run, float], float]
 
@@ -81,8 +82,12 @@ def ripples_along_x(run: Run, t: float) -> float:
     return float(((higher[:-1] > 0) & (higher[1:] <= 0)).sum())
 
 
-def hot_share(run: Run, t: float) -> float:
-    """Share of the cell's area where a is above the middle of its range."""
+def hot_share_since(start: float) -> Readout:
+    """Share of the cell's area where a is above the middle of its range, over that at another time."""
+    return lambda run, t: _hot_share(run, t) / _hot_share(run, start)
+
+
+def _hot_share(run: Run, t: float) -> float:
     frame = frame_at(run, t)
     a, areas = run.a_cells[frame], signed_areas(run.points[frame], run.triangles)
     return float(areas[a > (a.min() + a.max()) / 2].sum() / areas.sum())
@@ -134,6 +139,20 @@ def displacement_peak(run: Run, t: float) -> float:
 
 Field = Callable[[Array], Array]
 """Values (n,) at points (2, n) of the disk."""
+
+
+def pattern(parts: dict[str, float], turned: float = 0.0) -> Field:
+    """A sum of the article's modes by name, {"w0,2": 1, "w2,1": 2}, all with theta_1 = `turned` pi."""
+    angle = turned * np.pi
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+    def field(x: Array) -> Array:
+        modes = [(Mode.named(name), factor) for name, factor in parts.items()]
+        return np.asarray(
+            sum(factor * mode.value(turn @ x if turned and mode.m else x) for mode, factor in modes)
+        )
+
+    return field
 
 
 def likeness(field: Field) -> Readout:
