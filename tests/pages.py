@@ -14,8 +14,7 @@ from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
-from actin_xcheck.studies.audit.rows import ROWS
-from actin_xcheck.studies.audit.study import paper
+from actin_xcheck.studies.audit.study import ROWS, paper
 from actin_xcheck.studies.chart import examine as charting
 from actin_xcheck.studies.chart import points as planning
 from actin_xcheck.studies.closures.study import closures

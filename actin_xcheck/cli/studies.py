@@ -83,16 +83,19 @@ def paper(
     from difflib import get_close_matches
 
     from actin_xcheck.core.errors import UserError
-    from actin_xcheck.studies.audit.rows import ROWS
+    from actin_xcheck.studies.audit.row import article
+
+    rows = article()
+    for key in only or ():
+        if key not in rows:
+            some = ", ".join(get_close_matches(key, rows, 3) or list(rows)[:5])
+            raise UserError(
+                f"--only: no row is called {key!r}; valid are {some} and others, {len(rows)} in all"
+            )
+
     from actin_xcheck.studies.audit.study import paper as study
 
-    for key in only or ():
-        if key not in ROWS:
-            some = ", ".join(get_close_matches(key, ROWS, 3) or list(ROWS)[:5])
-            raise UserError(
-                f"--only: no row is called {key!r}; valid are {some} and others, {len(ROWS)} in all"
-            )
-    return study(list(dict.fromkeys(only or ROWS)), said=bool(only))
+    return study(list(dict.fromkeys(only or rows)), said=bool(only))
 
 
 DISTORTED = {

@@ -256,7 +256,7 @@ def _fails(*evidence: Evidence) -> Answer:
 def _thresholds(*changes: dict[str, float]) -> list[Threshold]:
     """The thresholds in psi (m = 0) of Fig. 14's cell, delta = 0, with other parameters."""
     cell = replace(load_scene("fig14-four-fronts").physics, delta=Delta.NONE)
-    return [threshold(replace(cell, parameters=replace(cell.parameters, **one)), 0) for one in changes]
+    return [threshold(cell.varied(**one), 0) for one in changes]
 
 
 @examines("s5-remark5.1")

@@ -336,7 +336,7 @@ def _isolating(picture: str, psi: float, printed: dict[str, tuple[str, str]]) ->
 @examines("fig23a")
 def _plane() -> Answer:
     """The order of its regions along psi at two pressures, and its maps."""
-    rows = [("p", "relation", "mode", "damped from", "grows from", "real from")]
+    rows: list[tuple[str, ...]] = [("p", "relation", "mode", "damped from", "grows from", "real from")]
     ordered = []
     for p, version in product((0.26, 0.8), Version):
         found = {mode: borders(p, Delta.FULL, version, mode) for mode in (W11, W21, W02)}

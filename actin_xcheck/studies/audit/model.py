@@ -169,6 +169,14 @@ def _ring() -> Answer:
     return answer(misfits == 0 and cut == 0, misfits=misfits, cut=cut)
 
 
+@examines("s5.1.2-ring")
+def _where_delta_jumps() -> Answer:
+    radius = np.sqrt(np.array([0.64 - 1e-9, 0.64 + 1e-9, 0.8 - 1e-9, 0.8 + 1e-9]))
+    delta = Model(Parameters(38.24, 1.646)).delta_on_cells(np.array([radius, 0 * radius]))
+    at_64, at_80 = delta[1] - delta[0], delta[3] - delta[2]
+    return answer(at_80 != 0, corrected=at_64 != 0, delta=delta, at_64=at_64, at_80=at_80)
+
+
 @examines("eq3.1")
 def _scaling() -> Answer:
     """Dimensional stresses of (2.2), (2.5) against (3.2) times E/(1 + nu), for a_c = 1 and another."""

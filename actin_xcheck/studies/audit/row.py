@@ -67,7 +67,11 @@ class Answer:
 
 
 def answer(
-    holds: bool, *, corrected: bool = False, exhibits: tuple[Exhibit, ...] = (), **values: Any
+    holds: bool | np.bool,
+    *,
+    corrected: bool | np.bool = False,
+    exhibits: tuple[Exhibit, ...] = (),
+    **values: Any,
 ) -> Answer:
     """Return what computing says to a row.
 

@@ -6,7 +6,6 @@ article's resolution, one that stays is its model.
 """
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,12 +14,11 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import tomli_w
 
 from actin_xcheck.core.model import Closure, Rheology
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.store import Run, read_run
-from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.readouts import Readout
 from actin_xcheck.studies.audit.row import table
 from actin_xcheck.studies.stored import Stored
@@ -66,13 +64,13 @@ class Family:
     def jobs(self) -> dict[Level, Stored]:
         """Return the family's runs."""
         name = f"{self.scene}-{self.label}"
-        text = changed(load_scene(self.scene), name, self.changes)
-        scene, method = parse_scene(text, f"scenes/{name}.toml"), METHODS[self.method]
+        changes = {"name": name, "expect": None, **dict(self.changes)}
+        scene = load_scene(self.scene).varied(changes, f"scenes/{name}.toml")
         levels = (*self.levels, *((self.published,) if self.published else ()))
         return {
             (refine, dt): Stored(
                 scene,
-                method,
+                METHODS[self.method],
                 refine,
                 dt,
                 f"runs/{name}--{self.method}--{refine}--{dt:.6g}.vtkhdf",
@@ -80,20 +78,6 @@ class Family:
             )
             for refine, dt in levels
         }
-
-
-def changed(scene: Scene, name: str, changes: Changes) -> str:
-    """Return the TOML of a scene with another name and some keys changed; what it expects is left out."""
-    keys = tomllib.loads(scene.text)
-    keys.pop("expect", None)
-    keys["name"] = name
-    for key, value in changes:
-        *path, last = key.split(".")
-        at = keys
-        for part in path:
-            at = at.setdefault(part, {})
-        at[last] = value
-    return tomli_w.dumps(keys)
 
 
 @dataclass(frozen=True)
@@ -137,11 +121,10 @@ class Cell:
         own: Level | None = None
         if published.refine and published.dt:
             own = published.refine, published.dt
-        reading = _reading(physics.rheology, physics.closure)
-        if self.levels or not self.steps:
-            assert self.levels or own
-            levels = self.levels or (own,)
-            return (Family(self.scene, self.label, reading, self.changes, FEM, levels),)
+        rheology = dict(self.changes).get("model.rheology", physics.rheology)
+        reading = _reading(rheology, physics.closure)
+        if alone := self.levels or (() if self.steps or not own else (own,)):
+            return (Family(self.scene, self.label, reading, self.changes, FEM, alone),)
         dt = dict(self.changes).get("time.end", scene.time.end) / self.steps
         family = ((3, dt), (4, dt), (5, dt), (4, dt / 2), (4, dt / 4))
         brief = (4, dt), (5, dt), (4, dt / 2)

@@ -337,8 +337,8 @@ def _course(mesh: Mesh, model: Model, mechanics_of: Any) -> _Course:
 
 def _courses(mesh: Mesh, viscous: Model, free: Model) -> dict[str, _Course]:
     """The cell under every suspect: closures, signs, parameters, and a solver that is stopped."""
-    against = replace(free, parameters=replace(free.parameters, p=-free.parameters.p))
-    dimensional = replace(free, parameters=replace(free.parameters, psi=72.0))
+    against = free.varied(p=-free.parameters.p)
+    dimensional = free.varied(psi=72.0)
     balance, course = load(FORCE_BALANCE), partial(_course, mesh)
     return {
         "reference-normal": course(viscous, balance),

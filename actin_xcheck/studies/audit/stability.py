@@ -100,7 +100,7 @@ def _either_large() -> Answer:
     psi, p = (rest - 0.26) / sigma_prime(par), rest
     below, above = (coefficients(linear_model(psi * s, 0.26, Delta.NONE), k2)[0] for s in (0.999, 1.001))
     low, high = (coefficients(linear_model(0.0, p * s, Delta.NONE), k2)[0] for s in (0.999, 1.001))
-    return answer(below > 0 > above and low > 0 > high, psi=psi, p=p)
+    return answer(bool(below > 0 > above and low > 0 > high), psi=psi, p=p)
 
 
 def _slope_at(a_sat: float, psi: float = 1.0) -> float:
@@ -118,13 +118,13 @@ def _sigma_at_half() -> Answer:
 @examines("s3.3-negative")
 def _negative_sigma() -> Answer:
     """a_sat = 0.4: the p that makes b(k_11) negative, against the p that makes c negative."""
-    still = Parameters(62.4, 0.0, a_sat=0.4)
+    still = Model(Parameters(62.4, 0.0, a_sat=0.4), delta=Delta.FULL)
 
     def b(p: float) -> float:
-        return float(coefficients(Model(replace(still, p=p), delta=Delta.FULL), W11.k**2, PRINTED)[0])
+        return float(coefficients(still.varied(p=p), W11.k**2, PRINTED)[0])
 
     p = b(0.0) / (b(0.0) - b(1.0))  # b is linear in p
-    return answer(b(0.99 * p) > 0 > b(1.01 * p), sigma=sigma_prime(still), p=p)
+    return answer(b(0.99 * p) > 0 > b(1.01 * p), sigma=sigma_prime(still.parameters), p=p)
 
 
 @examines("s3.3-assumption")
@@ -139,7 +139,7 @@ def _onset(model: Model, m: int) -> float:
     low, high = 62.4, 1000.0
     while high - low > 1e-9 * high:
         middle = (low + high) / 2
-        if DiskModes(replace(model, parameters=replace(model.parameters, psi=middle)), m).count(0.0):
+        if DiskModes(model.varied(psi=middle), m).count(0.0):
             high = middle
         else:
             low = middle
