@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from actin_xcheck import cross_check
-from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.method import METHODS
@@ -15,8 +14,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.study import ROWS, paper
-from actin_xcheck.studies.chart import examine as charting
-from actin_xcheck.studies.chart import points as planning
+from actin_xcheck.studies.chart.study import chart
 from actin_xcheck.studies.closures.study import closures
 from actin_xcheck.studies.compare_page import write_report as write_comparison_page
 from actin_xcheck.studies.converge.study import converge
@@ -31,6 +29,7 @@ from actin_xcheck.studies.study import Report, write_report
 from tests.frontiers import small
 from tests.lab import FEM, FV
 from tests.studies import carry
+from tests.test_chart import TINY as CHARTED
 from tests.test_closure_page import TINY
 from tests.test_convergence import coarse
 from tests.test_dashboard import write_nights
@@ -56,11 +55,7 @@ def _curves(folder, monkeypatch):
 
 
 def _chart(folder, monkeypatch):
-    monkeypatch.setattr(planning, "REFINES", {True: (2, 3), False: (1, 2)})
-    reference = (("fem-p1-imex2", 1, 1e-3), ("fem-p1-imex2", 2, 1e-4))
-    monkeypatch.setattr(planning, "REFERENCE", {True: reference})
-    monkeypatch.setattr(charting, "reference_kernel", lambda: np.array([0.05, 0.05]))
-    chart_command("static-decay", ["fem-p1-imex2"], folder, True, True)
+    return _study("chart", chart(load_scene("static-decay"), [METHODS["fem-p1-imex2"]], CHARTED), folder)
 
 
 def _study(name, study, folder, processes=None):

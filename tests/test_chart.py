@@ -14,32 +14,43 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from actin_xcheck.cli.app import app
-from actin_xcheck.cli.chart import chart_command
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.alone import work_alone
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_run
-from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.chart import examine as examination
-from actin_xcheck.studies.chart import points as planning
-from actin_xcheck.studies.chart.advice import advice_of, in_words
-from actin_xcheck.studies.chart.cloud import cloud
-from actin_xcheck.studies.chart.front import advise, front
-from actin_xcheck.studies.chart.measure import measured
-from actin_xcheck.studies.chart.page import write_chart_page
-from actin_xcheck.studies.chart.points import Point, ladder, published
-from actin_xcheck.studies.chart.record import FILE_NAME, read_chart
-from actin_xcheck.studies.chart.truth import Quantity, errors_of, truth_of
+from actin_xcheck.runs.store import read_run, reading
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.studies.chart.measure import Asked, cloud, measured
+from actin_xcheck.studies.chart.plots import SIGNS, Row
+from actin_xcheck.studies.chart.points import QUICK, Plan, ladder, published
+from actin_xcheck.studies.chart.study import chart, default_methods
+from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
+from actin_xcheck.studies.page import write_page
 from actin_xcheck.verdicts.judge import l2_error
-from tests.lab import FEM, FV, quiet, scene_of
+from tests.lab import FEM, FV, scene_of
+from tests.studies import carry, here
 
 IMEX = "fem-p2-imex3"
 P1_IMEX = "fem-p1-imex2"
 A, AREA, PROBES = Quantity.CONCENTRATION, Quantity.AREA, Quantity.PROBES
+
+TINY = Plan(
+    8.0,
+    ((P1_IMEX, 1, 1e-3), (P1_IMEX, 2, 1e-4)),
+    refines=((2, 3), (1, 2)),
+    steps_beside=(1.0,),
+    tolerances_beside=(1.0,),
+    published=False,
+)
+
+
+def sample_of(scene, point, folder=None):
+    """A point as it is measured."""
+    return measured(Asked(scene, point), folder)
 
 
 # the front and the advice
@@ -71,7 +82,7 @@ def test_no_point_of_the_front_is_beaten_and_every_other_is(points):
 
 def test_advice_is_the_cheapest_point_that_is_good_enough():
     work, error = [1.0, 2.0, 8.0, 9.0], [0.5, 5e-3, 9e-5, 1e-2]
-    assert [(one.error, one.point) for one in advise(work, error)] == [(1e-2, 1), (1e-3, 2), (1e-4, 2)]
+    assert advise(work, error) == [(1e-2, 1), (1e-3, 2), (1e-4, 2)]
     assert advise([1.0], [0.5]) == []
 
 
@@ -93,10 +104,10 @@ def test_the_cloud_integrates_over_the_disk_with_a_kink_at_the_ring():
 def test_an_error_on_the_cloud_is_the_error_over_the_cell(name, tmp_path):
     scene, method = load_scene("manufactured-moving"), METHODS[name]
     run(scene, Numerics(method, 3, 0.05), tmp_path / "run.vtkhdf")
-    sample = measured((scene, Point(method, 3, 0.05)), quiet)
-    truth = truth_of(scene, sample, sample)
+    answer = sample_of(scene, Numerics(method, 3, 0.05)).answer
+    truth = truth_of(scene, answer, answer, "itself")
     over_cell = l2_error(scene, read_run(tmp_path / "run.vtkhdf"))
-    assert errors_of(truth, sample)[A] == pytest.approx(over_cell, rel=0.03)
+    assert errors_of(truth, answer)[A] == pytest.approx(over_cell, rel=0.03)
 
 
 # the plan
@@ -105,7 +116,7 @@ def test_an_error_on_the_cloud_is_the_error_over_the_cell(name, tmp_path):
 @pytest.mark.parametrize("name", list(METHODS))
 def test_errors_in_space_and_time_fall_together_along_a_ladder(name):
     scene, method = load_scene("growing-disk"), METHODS[name]
-    rungs = ladder(scene, method, quick=True)
+    rungs = ladder(scene, method, QUICK)
     order = method.order_h or 2
     assert np.diff([point.refine for point in rungs]).tolist() == [1] * (len(rungs) - 1)
     if method.adaptive:
@@ -124,21 +135,18 @@ def test_the_articles_scheme_is_charted_with_its_own_numbers():
     scene = load_scene("fig14-four-fronts")
     (point,) = published(scene, METHODS[FEM])
     assert (point.refine, point.dt) == (6, 1.0228e-3)
-    assert published(scene, METHODS[FV]) == []
+    assert published(scene, METHODS[FV]) == published(scene, METHODS[FEM], QUICK) == []
     assert published(load_scene("growing-disk"), METHODS[FEM]) == []
 
 
 def test_driven_methods_are_charted_when_asked_for_only():
-    names = [method.name for method in examination.default_methods()]
-    assert FEM in names
-    assert "fem-p4-imex4" in names
-    assert not {"fv-driven", "fv-tpfa"} & set(names)
+    assert {FEM, "fem-p4-imex4"} <= set(default_methods()) <= METHODS.keys() - {"fv-driven", "fv-tpfa"}
 
 
 # the machine
 
 
-def needed(megabytes, report):
+def needed(megabytes):
     """Bytes at the peak of something that is freed at once, in a process that has nothing left to reuse."""
     forget_peak()
     before = peak_memory()
@@ -149,14 +157,18 @@ def needed(megabytes, report):
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a peak cannot be forgotten")
 def test_a_peak_of_memory_is_that_of_the_run():
     for megabytes in (64, 8):
-        assert work_alone(needed, megabytes, quiet) == pytest.approx(megabytes * 2**20, abs=2**21)
+        assert work_alone(needed, megabytes) == pytest.approx(megabytes * 2**20, abs=2**21)
+
+
+def sample_of_nothing(point):
+    return sample_of(load_scene("static-decay"), point)
 
 
 def test_a_process_hands_back_what_went_wrong():
     nothing = replace(METHODS[FEM], solver="fem.nothing:Nothing")
     with pytest.raises(ModuleNotFoundError, match="nothing"):
-        work_alone(measured, (load_scene("static-decay"), Point(nothing, 1, 0.1)), quiet)
-    assert work_alone(operator.call, sys.exit, quiet) == Lost("its process ended with exit code 1", False)
+        work_alone(sample_of_nothing, Numerics(nothing, 1, 0.1))
+    assert work_alone(operator.call, sys.exit) == Lost("its process ended with exit code 0", False)
 
 
 def test_the_kernel_takes_time():
@@ -165,14 +177,14 @@ def test_the_kernel_takes_time():
 
 
 def test_a_machine_of_half_the_speed_gives_the_same_chart():
-    scene = load_scene("static-decay")
-    sample = measured((scene, Point(METHODS[FEM], 2, 0.1)), quiet)
-    here = replace(sample, kernel=np.array([[0.04, 0.04], [0.06, 0.05]]))
-    there = replace(here, wall=2 * here.wall, cpu=2 * here.cpu, kernel=2 * here.kernel)
-    assert here.kernels == pytest.approx(here.wall / 0.05)
-    assert here.cpu_kernels == pytest.approx(here.cpu / 0.045)
-    assert there.kernels == pytest.approx(here.kernels)
-    assert there.cpu_kernels == pytest.approx(here.cpu_kernels)
+    sample = sample_of(load_scene("static-decay"), Numerics(METHODS[FEM], 2, 0.1))
+    assert (sample.kernel > 0).all()
+    one = replace(sample, kernel=np.array([[0.04, 0.04], [0.06, 0.05]]))
+    other = replace(one, wall=2 * one.wall, cpu=2 * one.cpu, kernel=2 * one.kernel)
+    assert one.kernels == pytest.approx(one.wall / 0.05)
+    assert one.cpu_kernels == pytest.approx(one.cpu / 0.045)
+    assert other.kernels == pytest.approx(one.kernels)
+    assert other.cpu_kernels == pytest.approx(one.cpu_kernels)
 
 
 # errors
@@ -180,34 +192,32 @@ def test_a_machine_of_half_the_speed_gives_the_same_chart():
 
 def test_rejected_steps_are_counted():
     scene = scene_of("psi = 300.0\np = 0.26", a="1 + 0.1*x", end=0.004)
-    sample = measured((scene, Point(METHODS[P1_IMEX], 2, 0.004, 1e-7)), quiet)
+    sample = sample_of(scene, Numerics(METHODS[P1_IMEX], 2, 0.004, 1e-7))
     assert sample.rejected > 0  # the first step, 1e-3, is too large
     assert sample.cells_steps == 64 * (sample.steps + sample.rejected)
 
 
 def test_an_error_is_measured_as_what_it_is():
     scene = load_scene("fig14-four-fronts")
-    sample = measured((scene, Point(METHODS[FEM], 2, 0.05)), quiet)
-    _, weights = cloud(scene.parameters.l0)
-    off = replace(sample, cloud_a=1.01 * sample.cloud_a, area=1.02 * sample.area)
-    truth = truth_of(scene, sample, sample)
-    assert errors_of(truth, sample)[A] == 0
+    answer = sample_of(scene, Numerics(METHODS[FEM], 2, 0.05)).answer
+    off = replace(answer, cloud_a=1.01 * answer.cloud_a, area=1.02 * answer.area)
+    truth = truth_of(scene, answer, answer, "itself")
+    assert errors_of(truth, answer)[A] == 0
     assert errors_of(truth, off)[A] == pytest.approx(0.01)
     times = {values.time: values for values in scene.expect.reference.at}
-    expected = max(abs(area / times[t].area - 1) for t, area in zip(sample.times, sample.area, strict=True))
-    assert errors_of(truth, sample)[AREA] == pytest.approx(expected)
+    expected = max(abs(area / times[t].area - 1) for t, area in zip(answer.times, answer.area, strict=True))
+    assert errors_of(truth, answer)[AREA] == pytest.approx(expected)
     assert truth.known[AREA].source == scene.expect.reference.origin
     assert truth.known[A].floor == 0  # both levels are the same run here
-    assert np.isnan(errors_of(truth, replace(sample, ending="tangled"))[A])
-    assert weights.size == sample.cloud_a.size
+    assert np.isnan(errors_of(truth, replace(answer, ending="tangled"))[A])
 
 
 def test_the_references_own_error_is_part_of_the_change_from_the_coarser_one():
     scene = scene_of("psi = 50.0\np = 0.0", a="1 + 0.1*J(0, 3.8317059702075125*r)")
-    fine = measured((scene, Point(METHODS[FEM], 2, 0.05)), quiet)
-    truth = truth_of(scene, replace(fine, cloud_a=1.01 * fine.cloud_a), fine)
+    fine = sample_of(scene, Numerics(METHODS[FEM], 2, 0.05)).answer
+    truth = truth_of(scene, replace(fine, cloud_a=1.01 * fine.cloud_a), fine, "the finer run")
     assert truth.known[A].floor == pytest.approx(0.006)
-    assert "fem-p1-paper, refine 2" in truth.known[A].source
+    assert truth.known[A].source == "the finer run"
     assert np.isnan(truth.known[PROBES].floor)  # the scene has none
 
 
@@ -215,120 +225,193 @@ def test_the_references_own_error_is_part_of_the_change_from_the_coarser_one():
 
 
 @pytest.fixture(scope="module")
-def chart(tmp_path_factory):
-    """Two methods on two meshes each, against the exact solution."""
+def charted(tmp_path_factory):
+    """Two methods on two meshes each, against the exact solution: the report, and its folder."""
     folder = tmp_path_factory.mktemp("chart")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning, "REFINES", {True: (2, 3), False: (1, 2)})
-        patch.setattr(planning, "REFERENCE", {True: ((P1_IMEX, 1, 1e-3), (P1_IMEX, 2, 1e-4))})
-        methods = [METHODS[FEM], METHODS[IMEX]]
-        return examination.examine(load_scene("growing-disk"), methods, folder, "a command", True, quiet)
+    methods = [METHODS[FEM], METHODS[IMEX]]
+    return carry(folder, chart(load_scene("growing-disk"), methods, TINY), name="chart"), folder
 
 
-def of_method(chart, name):
-    return [point for point in chart.points if point.sample.point.method.name == name]
+def rows_of(report, method=None):
+    return [row for row in report.tables["points"].rows if method in (None, row.method)]
 
 
-def test_every_point_says_what_it_cost(chart):
-    assert len(chart.points) == 4
-    for point in chart.points:
-        sample = point.sample
-        assert sample.ending == "completed"
-        assert (len(sample.wall), len(sample.cpu)) == (3, 3)
-        assert np.all(sample.wall > 0)
-        assert np.all(sample.cpu > 0)
-        assert np.all(sample.kernel > 0)
-        assert sample.memory > 0
-        assert sample.solves >= sample.steps
-        assert sample.factorisations > 0
-        assert sample.baseline > 1e7
-        assert sample.cells == 4 * 4**sample.point.refine
-        assert sample.times[-1] == load_scene("growing-disk").time.end
-        assert f"--refine {sample.point.refine}" in point.command
+def held(report):
+    return {row.quantity: row for row in report.tables["held"].rows}
 
 
-def test_errors_fall_as_the_methods_declare(chart):
-    coarse, fine = (point.errors[A] for point in of_method(chart, FEM))
+def test_every_point_says_what_it_cost(charted):
+    rows = rows_of(charted[0])
+    assert len(rows) == 4
+    for row in rows:
+        assert row.ending == "completed"
+        assert len(row.sample.wall) == len(row.sample.cpu) == 3
+        assert 0 < row.wall_least <= row.wall <= row.wall_most
+        assert 0 < row.cpu_least <= row.cpu <= row.cpu_most
+        assert row.megabytes > 0
+        assert row.solves >= row.steps
+        assert row.factorisations > 0
+        assert row.sample.baseline > 1e7
+        assert row.cells == 4 * 4**row.refine
+        assert row.sample.answer.times[-1] == load_scene("growing-disk").time.end
+        assert f"--refine {row.refine}" in row.command
+
+
+def test_errors_fall_as_the_methods_declare(charted):
+    coarse, fine = (row.error_a for row in rows_of(charted[0], FEM))
     assert 2.5 < coarse / fine < 6
-    coarse, fine = (point.errors[A] for point in of_method(chart, IMEX))
+    coarse, fine = (row.error_a for row in rows_of(charted[0], IMEX))
     assert coarse / fine > 6
-    assert chart.known[A].source == chart.known[PROBES].source == "the exact solution"
-    assert chart.known[AREA].source.startswith(P1_IMEX)
+    known = held(charted[0])
+    assert known[A].source == known[PROBES].source == "the exact solution"
+    assert known[AREA].source == f"{P1_IMEX}, refine 2, rtol 0.0001"
 
 
-def test_the_advice_is_read_off_the_chart(chart):
-    for one in advice_of(chart):
-        point = chart.points[one.point]
-        assert point.errors[A] <= one.error
-        for other in chart.points:
-            if other.errors[A] <= one.error:
-                assert np.median(other.sample.cpu_kernels) >= np.median(point.sample.cpu_kernels)
-    said = in_words(chart)
-    first = chart.points[advice_of(chart)[0].point].sample
-    assert said.startswith("For an L2 error of 1e-2")
-    assert f"use {first.point.method.name} ({first.point.numerics}; {np.median(first.cpu):.2g} s)" in said
+def test_the_advice_is_read_off_the_chart(charted):
+    report, _ = charted
+    (sheet,) = report.chapters[0].exhibits
+    rows = {(row.method, row.numerics): row for row in rows_of(report)}
+    for error, method, numerics, *_ in sheet.rows[1:]:
+        advised = rows[method, numerics]
+        assert advised.error_a <= float(error)
+        good = [row for row in rows.values() if row.error_a <= float(error)]
+        assert advised.cpu_kernels == min(row.cpu_kernels for row in good)
+    _, method, numerics, *_ = sheet.rows[1]
+    said = f"use {method} ({numerics}; {rows[method, numerics].cpu:.2g} s)"
+    assert report.findings[0].startswith("For an L2 error of 1e-2")
+    assert said in report.findings[0]
 
 
-def test_the_file_gives_the_chart_back(chart):
-    assert chart.attributes["command"] == "a command"
-    assert [sample.point.refine for sample in chart.reference] == [1, 2]
-    again = read_chart(chart.path)
-    for one, other in zip(chart.points, again.points, strict=True):
-        assert (one.errors, one.command, one.sample.point) == (
-            other.errors,
-            other.command,
-            other.sample.point,
-        )
-        assert np.array_equal(one.sample.cloud_a, other.sample.cloud_a)
+def test_the_file_gives_the_chart_back(charted):
+    report, folder = charted
+    with reading(folder / "chart.h5", "chart") as file:
+        again = read_table(file["tables/points"], Row)
+    for one, other in zip(rows_of(report), again, strict=True):
+        assert (one.error_a, one.command, one.cpu) == (other.error_a, other.command, other.cpu)
+        assert np.array_equal(one.sample.answer.cloud_a, other.sample.answer.cloud_a)
 
 
-def test_the_page_is_made_of_the_file_alone_and_asks_for_nothing(chart):
-    page = write_chart_page(chart.path.parent).read_text(encoding="utf-8")
-    assert page.count('<div class="chart"') == 12  # three errors against four kinds of work
-    assert not re.search(
-        r"""(src|href)=["'](?!data:|#|chart\.h5)""", page.replace('xlink:href="#', 'href="#')
-    )
-    assert "@import" not in page
-    assert in_words(chart) in page
-    for point in chart.points:
-        assert point.command in page
-        assert page.count(f"<title>{point.sample.point.method.name}, {point.sample.point.numerics}") == 12
+def test_the_page_is_made_of_the_file_alone(charted):
+    report, folder = charted
+    page = write_page(folder / "chart.h5").read_text(encoding="utf-8")
+    assert report.findings[0] in page
+    for row in rows_of(report):
+        assert row.command in page
+        assert page.count(f"{row.method}, {row.numerics}") >= 12  # three errors against four kinds of work
+    assert "What the scene needs" in page
 
 
-def test_the_commands_make_the_runs_again(chart, tmp_path, monkeypatch):
+def test_the_commands_make_the_runs_again(charted, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for point in (of_method(chart, FEM)[0], of_method(chart, IMEX)[0]):
-        words = shlex.split(point.command)
+    for row in (rows_of(charted[0], FEM)[0], rows_of(charted[0], IMEX)[0]):
+        words = shlex.split(row.command)
         assert words[:3] == ["python", "-m", "actin_xcheck"]
         assert CliRunner().invoke(app, [*words[3:], "--quiet"]).exit_code == 0
         again = read_run(tmp_path / words[-1])
-        assert again.series["area"][-1] == pytest.approx(point.sample.area[-1], rel=1e-14)
-        assert len(again.series["time"]) == point.sample.steps + 1
+        assert again.series["area"][-1] == pytest.approx(row.sample.answer.area[-1], rel=1e-14)
+        assert len(again.series["time"]) == row.steps + 1
 
 
-# the command
+def test_a_chart_goes_on_where_it_was_and_times_nothing_twice(tmp_path):
+    timed, allowed = [], [1]
+
+    def one_at_a_time(work, asked):
+        if len(timed) == allowed[0]:
+            raise KeyboardInterrupt
+        timed.append(str(asked.task.ask))
+        return here(work, asked)
+
+    def study():
+        return chart(load_scene("static-decay"), [METHODS[FEM], METHODS[P1_IMEX]], TINY)
+
+    with pytest.raises(KeyboardInterrupt):
+        carry(tmp_path, study(), name="chart", alone=one_at_a_time)
+    allowed[0] = 9
+    first = carry(tmp_path, study(), name="chart", alone=one_at_a_time)
+    assert len(timed) == len(set(timed)) == len(rows_of(first)) == 4
+    again = carry(tmp_path, study(), name="chart", alone=one_at_a_time)
+    assert [row.wall for row in rows_of(again)] == [row.wall for row in rows_of(first)]
+    assert len(timed) == 4
 
 
-def test_mistakes_are_one_line(tmp_path, chart):
-    (tmp_path / "file").write_text("")
-    for scene, methods, folder, message in (
-        ("no-such-scene", None, tmp_path / "none", "unknown scene"),
-        ("static-decay", ["fem"], tmp_path / "none", "not a method"),
-        ("static-decay", [FEM], tmp_path / "file", "cannot make the folder"),
-        ("static-decay", [FEM], chart.path.parent, "holds a chart of growing-disk"),
-    ):
-        with pytest.raises(UserError, match=message) as caught:
-            chart_command(scene, methods, folder, True, True)
-        assert "\n" not in str(caught.value)
-        assert not (tmp_path / "none").exists()
+def test_a_ladder_is_cut_where_a_method_has_had_its_seconds(tmp_path):
+    cut = chart(load_scene("static-decay"), [METHODS[FEM]], replace(TINY, budget=0.0))
+    report = carry(tmp_path, cut, name="chart")
+    assert len(rows_of(report)) == 1
+    assert f"so many seconds: {FEM} (refine 3, " in report.tables["points"].note
 
 
-def test_the_command_says_which_method_to_use(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(planning, "REFINES", {True: (2, 3), False: (1, 2)})
-    monkeypatch.setattr(planning, "REFERENCE", {True: ((P1_IMEX, 1, 1e-3), (P1_IMEX, 2, 1e-4))})
-    monkeypatch.setattr(examination, "reference_kernel", lambda: np.array([0.05, 0.05]))
-    chart_command("static-decay", [P1_IMEX], tmp_path, True, True)
-    said = capsys.readouterr().out
-    assert "For an L2 error of 1e-2" in said
-    assert str(tmp_path / "index.html") in said
-    assert (tmp_path / FILE_NAME).exists()
+def of_points(scene, points, folder, reference=TINY.reference):
+    """A chart of one method at points of no ladder."""
+    (method,) = {point.method for point in points}
+    plan = replace(TINY, reference=reference, budget=np.inf)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("actin_xcheck.studies.chart.study.ladder", lambda *asked: list(points))
+        return carry(folder, chart(scene, [method], plan), name="chart")
+
+
+def lines_of(report, chapter="kernels", quantity=A):
+    (plot,) = (
+        one for each in report.chapters if each.key == chapter for one in each.exhibits if one.key == quantity
+    )
+    return plot.lines
+
+
+@pytest.mark.slow
+def test_a_run_that_fails_stands_on_the_rail(tmp_path):
+    text = load_scene("fig18-nonuniform-contraction").text.replace("1e-3*cos", "0.1*cos")
+    text = re.sub(r"(?m)^(end|outputs) = .*|(?s:^\[expect.*)", "", text).replace(
+        "[time]", "[time]\nend = 0.02"
+    )
+    points = [Numerics(METHODS[FEM], 2, dt) for dt in (0.005, 0.001)]
+    report = of_points(parse_scene(text, "steep.toml"), points, tmp_path)
+    failed = [row for row in rows_of(report) if row.standing is Standing.FAILED]
+    assert [(row.dt, row.ending) for row in failed] == [(0.005, "tangled")]
+    assert np.isnan(failed[0].error_a)
+    (rail,) = (line for line in lines_of(report) if line.rail)
+    assert rail.label == "failed: tangled"
+    assert "failed: tangled: triangle" in rail.said[0]
+    assert rail.shape == SIGNS[Ending.TANGLED]
+
+
+def test_all_endings_have_a_sign_of_their_own():
+    assert SIGNS.keys() == set(Ending) - {Ending.COMPLETED}
+    assert len(set(SIGNS.values())) == len(SIGNS)
+
+
+@pytest.mark.slow
+def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that(tmp_path):
+    scene, reference = load_scene("fig14-four-fronts"), ((IMEX, 1, 1e-3), (IMEX, 2, 1e-4))
+    end = scene.time.end
+    wrong = of_points(scene, [Numerics(METHODS[FEM], 2, end)], tmp_path, reference)
+    (row,) = rows_of(wrong)
+    assert row.ending == "completed"
+    assert row.error_a > 0.05
+    assert row.standing is Standing.SILENT
+    (line,) = (line for line in lines_of(wrong, quantity=AREA) if line.said)
+    assert line.red
+    assert line.shape == "circle-open"
+    assert wrong.findings == ("No run comes within an error of 1e-2.",)
+    (tmp_path / "same").mkdir()
+    same = of_points(scene, [Numerics(METHODS[IMEX], 2, end, 2e-4)], tmp_path / "same", reference)
+    (row,) = rows_of(same)  # nearly the reference itself
+    assert 0 < row.error_a <= held(same)[A].known_to
+    assert row.standing is Standing.BELOW
+    assert [line.shape for line in lines_of(same) if line.said] == ["circle-open"]
+    assert [line.shape for line in lines_of(same, quantity=AREA) if line.said] == ["circle"]
+    assert not any(line.steps for line in lines_of(same))  # no front
+
+
+@pytest.mark.slow
+def test_without_a_reference_nothing_is_judged(tmp_path):
+    text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
+    scene = parse_scene(re.sub(r"(?ms)^\[expect.*", "", text), "breaks.toml")
+    report = of_points(scene, [Numerics(METHODS[FEM], 1, scene.time.end / 20)], tmp_path)
+    assert "the reference run ends (singular_dilation" in report.findings[0]
+    assert all(np.isnan(one.known_to) for one in held(report).values())
+    assert "the reference run ends" in write_page(tmp_path / "chart.h5").read_text(encoding="utf-8")
+
+
+def test_driven_methods_can_be_measured():
+    sample = sample_of(load_scene("static-decay"), Numerics(METHODS["fv-tpfa"], 2, 0.1))
+    assert (sample.answer.ending, sample.steps) == ("completed", 6)

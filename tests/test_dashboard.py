@@ -27,7 +27,6 @@ from actin_xcheck.nightly.record import (
     write_night,
 )
 from actin_xcheck.runs.executor import Lost
-from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
 from actin_xcheck.studies.compare_page import write_report
 from tests.browser import complaints
 from tests.claims import claim
@@ -163,7 +162,7 @@ def test_scenes_are_a_click_from_night_and_dashboard(reports: Path, last: Path, 
     write_comparison_of_everything(night / "checks", refine=2)
     write_report(night / "checks")
     (tmp_path / "chart-1").mkdir()
-    for name in (CHART_FILE, "index.html"):
+    for name in ("chart.h5", "index.html"):
         (tmp_path / "chart-1" / name).touch()
     page = write_night_page(night)
     tags = Tags(page)

@@ -1,32 +1,23 @@
 """The term ledger: what dropping a term changes is known exactly where the solution is."""
 
-import h5py
 import numpy as np
 import pytest
 from scipy.special import jv
 
-from actin_xcheck.report.environment import environment
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies import ledger as module
-from actin_xcheck.studies.ledger import Entry, in_words, ledger, read, write
-from actin_xcheck.studies.ledger_table import ledger_table
+from actin_xcheck.studies.chart.ledger import Entry, in_words, ledger, ledger_sheet, ledger_tasks
 
 
-def here(work, tasks, report, name):
-    """What `work_off` does, in this process."""
-    return [work(task, report) for task in tasks]
-
-
-def of(name, monkeypatch, accuracy=1e-4):
+def of(name, tmp_path, accuracy=1e-4, **levels):
     """The ledger of a scene by the entry that drops each term."""
-    monkeypatch.setattr(module, "work_off", here)
-    found = ledger(load_scene(name), accuracy, lambda label, done, total: None)
-    return {entry.entry: entry for entry in found}
+    scene = load_scene(name)
+    traces = [task.work(task.ask, tmp_path) for task in ledger_tasks(scene, **levels)]
+    return {entry.entry: entry for entry in ledger(scene, accuracy, traces)}
 
 
-def test_dropping_diffusion_or_reaction_from_a_bessel_mode(monkeypatch):
+def test_dropping_diffusion_or_reaction_from_a_bessel_mode(tmp_path):
     """1 + 0.1 J_1(k r) cos theta decays with exp(-(k_a + d k^2) t): d and k_a drop out one at a time."""
-    found, k, t = of("static-decay", monkeypatch), 1.8411837813406593, np.array([0.25, 0.5])
+    found, k, t = of("static-decay", tmp_path), 1.8411837813406593, np.array([0.25, 0.5])
     rate = 0.4 * k**2
     whole, top = np.exp(-(1 + rate) * t), 0.1 * jv(1, k)  # at the probe (1, 0)
     diffusion, reaction = found["[parameters] d = 0"], found["[model] reaction = false"]
@@ -49,9 +40,9 @@ def test_dropping_diffusion_or_reaction_from_a_bessel_mode(monkeypatch):
     assert "[parameters] psi = 0" not in found  # there is no contraction to drop
 
 
-def test_dropping_the_growth_of_a_growing_disk(monkeypatch):
+def test_dropping_the_growth_of_a_growing_disk(tmp_path):
     """Area pi e^t, total actin pi cosh t; without motion pi and pi."""
-    found = of("growing-disk", monkeypatch)
+    found = of("growing-disk", tmp_path)
     motion = found['[motion] x = "x0", y = "y0"']
     assert motion.area == pytest.approx(1 - np.exp(-0.5), abs=1e-6)
     assert motion.total_actin == pytest.approx(1 - 1 / np.cosh(0.5), abs=1e-5)
@@ -60,8 +51,8 @@ def test_dropping_the_growth_of_a_growing_disk(monkeypatch):
 
 
 @pytest.mark.slow
-def test_fig14_needs_all_it_has_and_the_force_balance_costs_most(monkeypatch):
-    found = of("fig14-four-fronts", monkeypatch)
+def test_fig14_needs_all_it_has_and_the_force_balance_costs_most(tmp_path):
+    found = of("fig14-four-fronts", tmp_path)
     assert len(found) == 8
     assert all("the scene needs it" in entry.sentence for entry in found.values())
     costs = {entry: one.cost for entry, one in found.items() if one.steps_without}
@@ -75,10 +66,9 @@ def test_fig14_needs_all_it_has_and_the_force_balance_costs_most(monkeypatch):
 
 
 @pytest.mark.slow
-def test_an_eigenmode_stays_the_whole_scenes_when_its_model_is_changed(monkeypatch):
+def test_an_eigenmode_stays_the_whole_scenes_when_its_model_is_changed(tmp_path):
     """Without ψ there is no such mode; the run starts on it all the same, and leaves it by its amplitude."""
-    monkeypatch.setattr(module, "REFINE", 1)
-    found = of("mode-11-wall", monkeypatch, 1e-8)["[parameters] psi = 0"]
+    found = of("mode-11-wall", tmp_path, 1e-8, refine=1)["[parameters] psi = 0"]
     assert 1e-7 < found.probe_a < 1e-5
 
 
@@ -115,20 +105,8 @@ IDLE = Entry(
 )  # fmt: skip
 
 
-def test_a_ledger_survives_its_file_and_is_shown_from_it(tmp_path):
-    with h5py.File(tmp_path / "l.h5", "w") as file:
-        write(file.create_group("ledger"), [ENTRY, IDLE])
-    with h5py.File(tmp_path / "l.h5") as file:
-        stored = read(file["ledger"])
-    assert repr(stored) == repr((ENTRY, IDLE))  # nan differs from itself
-    text = '{% from "ledger.html" import ledger %}{{ ledger(table) }}'
-    page = environment(tmp_path).from_string(text).render(table=ledger_table(stored))
-    for part in (
-        "75% of the run",
-        "11 steps of 20 ms",
-        "3.0e-03",
-        "not measured",
-        "&lt;b&gt;diffusion",
-        "1.0e-06",
-    ):
-        assert part in page
+def test_a_ledger_is_shown_in_words():
+    sheet = ledger_sheet([ENTRY, IDLE])
+    text = "; ".join([sheet.note, *(cell for row in sheet.rows for cell in row)])
+    for part in ("75% of the run", "11 steps of 20 ms", "3.0e-03", "not measured", "1.0e-06"):
+        assert part in text

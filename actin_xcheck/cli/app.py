@@ -11,7 +11,6 @@ from typing import NoReturn
 import typer
 
 from actin_xcheck.cli import predict, studies
-from actin_xcheck.cli.chart import chart_command
 from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.conduct import page_of
 from actin_xcheck.cli.history import diff_command, history_command
@@ -38,7 +37,7 @@ app.command("compare")(compare_command)
 app.command("run")(run_command)
 app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
-app.command("chart")(chart_command)
+app.command("chart")(studies.chart)
 app.command("sweep")(sweep_command)
 app.command("render")(render_command)
 app.command("export")(export_command)
@@ -100,13 +99,10 @@ def _pages() -> dict[str, Callable[[Path], Path]]:
     """What writes the page of a report that is no study, by the file that it is kept in."""
     from actin_xcheck.nightly.dashboard import write_night_page
     from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
-    from actin_xcheck.studies.chart.page import write_chart_page
-    from actin_xcheck.studies.chart.record import FILE_NAME as CHART_FILE
     from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
     from actin_xcheck.studies.compare_page import write_report
 
     return {
-        CHART_FILE: write_chart_page,
         COMPARISON_FILE: write_report,
         NIGHT_FILE: write_night_page,
     }

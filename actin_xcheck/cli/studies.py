@@ -217,3 +217,25 @@ def frontier(
         (method, plane_of(name, method)) for name in dict.fromkeys(over or PLANES[:1]) for method in chosen
     ]
     return study(loaded, planes)
+
+
+@study_command("chart")
+def chart(
+    scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
+    methods: Methods = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer points, in about a minute.")] = False,
+) -> "Study":
+    """Chart error against time, counted work and memory, and say which method to use for which error.
+
+    Every method that moves its own nodes (--method for others) is run on finer and finer meshes, with steps
+    or tolerances to match, one run after another so that nothing disturbs the clock: about five minutes, in
+    which the machine is best left alone.  Runs that fail are part of the chart.
+    """
+    from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.chart.points import QUICK, WHOLE
+    from actin_xcheck.studies.chart.study import chart as study
+    from actin_xcheck.studies.chart.study import default_methods
+
+    chosen = find_methods(methods or default_methods())
+    return study(load_scene(scene), chosen, QUICK if quick else WHOLE)

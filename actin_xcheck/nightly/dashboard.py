@@ -24,7 +24,6 @@ from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import on_triangles
 from actin_xcheck.runs.store import read_comparison
 from actin_xcheck.runs.workers import Report, work_off
-from actin_xcheck.studies.chart import record as charting
 from actin_xcheck.studies.compare_page import write_report
 from actin_xcheck.studies.faults.catalogue import FAULTS
 
@@ -40,7 +39,7 @@ THUMBNAIL = 60
 WIDTH, HEIGHT = 120, 22
 """Units of a line's drawing: about pixels."""
 
-_SURVEYS = {"Error against work": charting.FILE_NAME, "Where methods fail": "frontier.h5"}
+_SURVEYS = {"Error against work": "chart.h5", "Where methods fail": "frontier.h5"}
 """Reports that stand beside the nights, by the file each is made from."""
 
 _RANK = {"FAIL": 0, "PASS": 1, "NOT JUDGED": 2}

@@ -15,16 +15,16 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.nightly.record import Kind, Number
 from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.machine import reference_kernel
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.chart.measure import Sample, measured
-from actin_xcheck.studies.chart.points import Point
+from actin_xcheck.studies.chart.measure import Asked, Sample, measured
+from actin_xcheck.studies.chart.points import command_of
 from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.checks import QUIET, Check, Compared
+from actin_xcheck.studies.faults.checks import Check, Compared
 from actin_xcheck.studies.faults.fault import Calls, replaced, there, watched
 from actin_xcheck.studies.faults.hunt import control, held_against
 from actin_xcheck.verdicts.triangulate import read_triangles
@@ -222,23 +222,22 @@ class Costed:
     def find(self, folder: Path) -> Found:
         """That the run completes; how much it costs, which no bound judges, but the history does."""
         scene, method = load_scene(self.scene), METHODS[self.method]
-        point = Point(
+        point = Numerics(
             method, self.refine, scene.time.end / self.steps, self.rtol if method.adaptive else None
         )
-        before = reference_kernel()
-        sample = measured((scene, point), QUIET)
-        kernels = float(np.median(sample.wall) / (before + reference_kernel())[0] * 2)
-        command = point.command(scene)
+        sample = measured(Asked(scene, point), folder)
+        kernels = float(np.median(sample.kernels))
+        command = command_of(point, scene)
         claim = Claim(
             kind=ClaimKind.COST,
             scene=self.scene,
             methods=(self.method,),
             statement=f"completes, and is measured (refine {self.refine})",
-            value=0.0 if sample.ending == Ending.COMPLETED else math.nan,
+            value=0.0 if sample.answer.ending == Ending.COMPLETED else math.nan,
             bound=0.0,
             command=command,
             path=f"/cost/{self.method}",
-            note=sample.message
+            note=sample.answer.message
             or f"{kernels:.1f} reference kernels, {sample.seconds:.3g} s, {sample.steps} steps",
         )
         return Found((claim,), ("",), tuple(_costs(self.name, sample, kernels, command)))

@@ -43,6 +43,13 @@ class Numerics:
     mesh: Mesh | None = None
     remesh: bool = False
 
+    @property
+    def words(self) -> str:
+        """Mesh and steps in words, and how much is solved where that is not all."""
+        steps = f"dt {self.dt:.3g}" if self.rtol is None else f"rtol {self.rtol:g}"
+        part = "" if self.reduction.fidelity is Fidelity.FULL else f", {self.reduction.fidelity}"
+        return f"refine {self.refine}, {steps}{part}"
+
     def command(self, scene: str, out: str) -> str:
         """The command that runs a scene (its name or file) like this, into the file `out`."""
         return command(

@@ -1,7 +1,8 @@
-"""One point of a chart, measured in a process of its own: time, counted work, memory and what came out."""
+"""One run of a chart in a process of its own: time, counted work, memory, and what came out."""
 
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -9,23 +10,57 @@ from actin_xcheck.core.contract import Solver, State
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
-from actin_xcheck.runs.fidelity import reduced
-from actin_xcheck.runs.machine import forget_peak, peak_memory
-from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
+from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.recorder import PARTS
-from actin_xcheck.runs.run import bind
-from actin_xcheck.runs.workers import Report
+from actin_xcheck.runs.run import bind, tolerance_of
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.chart.cloud import cloud
-from actin_xcheck.studies.chart.points import Point
 
 REPEATS = 3
 """How often a short run is timed."""
 
 SHORT = 2.0
 """Processor seconds up to which a run is short."""
+
+RADII = (6, 3)
+"""Gauss points in [0, l0] and in [l0, 1]: fields have a kink at the ring."""
+
+ANGLES = 31
+"""Odd, so that a field with mirror lines is seen at angles that its symmetry does not repeat."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A run that is asked for: a point of a scene's chart."""
+
+    scene: Scene
+    point: Numerics
+
+    def __str__(self) -> str:
+        return f"{self.point.method.name} ({self.point.words})"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a run says.
+
+    Attributes
+    ----------
+    ending, message : of its Outcome.
+    times : output times that were reached, (k,).
+    area, probe_a, probe_x : at these times, (k,), (k, n) and (k, n, 2).
+    cloud_a, cloud_x : at the points of `cloud` in the last state, (m,) and (m, 2).
+    """
+
+    ending: str
+    message: str
+    times: Array
+    area: Array
+    probe_a: Array
+    probe_x: Array
+    cloud_a: Array
+    cloud_x: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,22 +69,16 @@ class Sample:
 
     Attributes
     ----------
-    point : what was run.
-    ending, message : of its Outcome.
+    answer : what it says.
     wall, cpu : seconds of set-up and time loop, (n,): a number a repetition.
     kernel : seconds of the reference kernel before and after, wall and processor time, (2, 2).
     steps, rejected : steps that were kept and that were tried in vain.
     cells : of the mesh.
     factorisations, solves : counted by the linear solvers; 0 where they do not count.
     memory, baseline : bytes that the run needed at its peak beyond what the process had in use before it.
-    times : output times that were reached, (k,).
-    area, probe_a, probe_x : at these times, (k,), (k, n) and (k, n, 2).
-    cloud_a, cloud_x : at the points of `cloud` at the last of them, (m,) and (m, 2).
     """
 
-    point: Point
-    ending: str
-    message: str
+    answer: Answer
     wall: Array
     cpu: Array
     kernel: Array
@@ -60,12 +89,6 @@ class Sample:
     solves: int
     memory: int
     baseline: int
-    times: Array
-    area: Array
-    probe_a: Array
-    probe_x: Array
-    cloud_a: Array
-    cloud_x: Array
 
     @property
     def seconds(self) -> float:
@@ -88,20 +111,33 @@ class Sample:
         return self.cells * (self.steps + self.rejected)
 
 
+def cloud(l0: float) -> tuple[Array, Array]:
+    """Material points at which all methods say their concentration, so that L2 norms need no common mesh.
+
+    Points (2, m) of a quadrature rule on the unit disk and their weights (m,), whose sum is pi.
+    """
+    radii, weights = [], []
+    for number, low, high in zip(RADII, (0.0, l0), (l0, 1.0), strict=True):
+        nodes, gauss = np.polynomial.legendre.leggauss(number)
+        r = low + (high - low) * (nodes + 1) / 2
+        radii.append(r)
+        weights.append(gauss * (high - low) / 2 * r * 2 * np.pi / ANGLES)
+    theta = 2 * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES
+    r = np.concatenate(radii)[:, None]
+    points = np.array([r * np.cos(theta), r * np.sin(theta)]).reshape(2, -1)
+    return points, np.repeat(np.concatenate(weights), ANGLES)
+
+
 @dataclass
 class _Watch:
     """Observes a run as cheaply as can be: counts steps and keeps the states at the output times."""
 
-    end: float
-    report: Report
-    label: str
     steps: int = -1
     frames: list[State] = field(default_factory=list)
 
     def record(self, dt: float, state: State) -> None:
         """Count; the initial state is no step."""
         self.steps += 1
-        self.report(self.label, round(PARTS * state.t / self.end), PARTS)
 
     def frame(self, state: State) -> None:
         """Keep a state; what is read off it is no part of the run."""
@@ -124,45 +160,40 @@ class _Counted:
         return self._solver.step(state, dt)
 
 
-def measured(task: tuple[Scene, Point], report: Report) -> Sample:
-    """Run a point and measure it; to be called in a process of its own.
+def measured(asked: Asked, folder: Path) -> Sample:
+    """Run a point and measure it, the reference kernel beside it; to be called in a process of its own.
 
     A first step on the coarsest mesh loads whatever the method needs, which is no part of its work.
     """
-    scene, point = task
+    scene, point = asked.scene, asked.point
+    kernel = [reference_kernel()]
     _warm_up(scene, point)
     forget_peak()
     baseline = peak_memory()
-    runs = [_timed(scene, point, report)]
+    runs = [_timed(scene, point)]
     memory = peak_memory() - baseline
     while runs[0].cpu < SHORT and len(runs) < REPEATS:
-        runs.append(_timed(scene, point, report))
+        runs.append(_timed(scene, point))
+    kernel.append(reference_kernel())
     last = runs[-1]
-    reached = [state for state in last.watch.frames if state.t in scene.output_times]
-    read = [_read(scene, last.solver, state) for state in reached]
-    probes = len(scene.probes.points)
-    cloud_a, cloud_x = _on_cloud(scene, last.solver, last.watch.frames[-1])
     return Sample(
-        point,
-        str(last.outcome.ending),
-        last.outcome.message,
-        np.array([run.wall for run in runs]),
-        np.array([run.cpu for run in runs]),
-        np.full((2, 2), np.nan),
-        last.watch.steps,
-        last.solver.tried - last.watch.steps,
-        last.solver.mesh.triangles.shape[1],
-        last.work.get(FACTORISATIONS, 0),
-        last.work.get(SOLVES, 0),
-        memory,
-        baseline,
-        np.array([state.t for state in reached]),
-        np.array([area for area, _, _ in read]),
-        np.array([a for _, a, _ in read]).reshape(len(read), probes),
-        np.array([x for _, _, x in read]).reshape(len(read), probes, 2),
-        cloud_a,
-        cloud_x,
+        answer=_answer(scene, last),
+        wall=np.array([run.wall for run in runs]),
+        cpu=np.array([run.cpu for run in runs]),
+        kernel=np.stack(kernel),
+        steps=last.watch.steps,
+        rejected=last.solver.tried - last.watch.steps,
+        cells=last.solver.mesh.triangles.shape[1],
+        factorisations=last.work.get(FACTORISATIONS, 0),
+        solves=last.work.get(SOLVES, 0),
+        memory=memory,
+        baseline=baseline,
     )
+
+
+def answered(asked: Asked, folder: Path) -> Answer:
+    """Run a point that others are held against, beside other work."""
+    return _answer(asked.scene, _timed(asked.scene, asked.point))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,20 +208,18 @@ class _Timed:
     outcome: Outcome
 
 
-def _timed(scene: Scene, point: Point, report: Report) -> _Timed:
+def _timed(scene: Scene, point: Numerics) -> _Timed:
     WORK.clear()
-    method, watch = point.method, _Watch(scene.output_times[-1], report, point.key)
-    tolerance = None if point.rtol is None else Tolerance(point.rtol, method.order_dt)
+    watch, tolerance = _Watch(), tolerance_of(point)
     began = time.perf_counter(), time.process_time()
-    reduction = reduced(scene, method, point.fidelity, point.rtol)
-    numerics = Numerics(method, point.refine, point.dt, point.rtol, reduction)
-    solver = _Counted(bind(scene, numerics))
-    outcome = integrate(solver, point.dt, scene.output_times, watch, tolerance)
+    solver = _Counted(bind(scene, point))
+    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
+        outcome = integrate(solver, point.dt, scene.output_times, watch, tolerance)
     wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
     return _Timed(wall, cpu, dict(WORK), watch, solver, outcome)
 
 
-def _warm_up(scene: Scene, point: Point) -> None:
+def _warm_up(scene: Scene, point: Numerics) -> None:
     solver = bind(scene, Numerics(point.method, 1, scene.time.end))
     state = solver.init()
     if solver.check(state).ok:
@@ -198,13 +227,19 @@ def _warm_up(scene: Scene, point: Point) -> None:
         solver.step(state, scene.output_times[0] if point.method.driven_by else 1e-3 * scene.time.end)
 
 
-def _read(scene: Scene, solver: _Counted, state: State) -> tuple[float, Array, Array]:
-    """Area, and concentrations (n,) and positions (n, 2) of the scene's probes."""
-    points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-    a, x = solver.probes(turn_matrix(scene) @ points)(state)
-    return solver.measure(state).area, a, x
-
-
-def _on_cloud(scene: Scene, solver: _Counted, state: State) -> tuple[Array, Array]:
-    points, _ = cloud(scene.parameters.l0)
-    return solver.probes(turn_matrix(scene) @ points)(state)
+def _answer(scene: Scene, run: _Timed) -> Answer:
+    turn, count = turn_matrix(scene), len(scene.probes.points)
+    reached = [state for state in run.watch.frames if state.t in scene.output_times]
+    probes = run.solver.probes(turn @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T)
+    read = [probes(state) for state in reached]
+    cloud_a, cloud_x = run.solver.probes(turn @ cloud(scene.parameters.l0)[0])(run.watch.frames[-1])
+    return Answer(
+        ending=str(run.outcome.ending),
+        message=run.outcome.message,
+        times=np.array([state.t for state in reached]),
+        area=np.array([run.solver.measure(state).area for state in reached]),
+        probe_a=np.array([a for a, _ in read]).reshape(len(read), count),
+        probe_x=np.array([x for _, x in read]).reshape(len(read), count, 2),
+        cloud_a=cloud_a,
+        cloud_x=cloud_x,
+    )

@@ -1,5 +1,7 @@
-"""What errors are held against, how well that is known, and the errors of a measured run."""
+"""What errors are held against, how well that is known, the errors of a run, and what is worth its work."""
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -9,8 +11,7 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import SHARE
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.chart.cloud import cloud
-from actin_xcheck.studies.chart.measure import Sample
+from actin_xcheck.studies.chart.measure import Answer, cloud
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits."""
@@ -68,14 +69,14 @@ class Truth:
     """
 
     scene: Scene
-    fine: Sample
+    fine: Answer
     area: Array
     probe_a: Array
     known: dict[Quantity, Known]
 
 
-def truth_of(scene: Scene, coarse: Sample, fine: Sample) -> Truth:
-    """Return the truth for a scene: the exact solution, else reference values, else the finer run.
+def truth_of(scene: Scene, coarse: Answer, fine: Answer, words: str) -> Truth:
+    """Return the truth for a scene: the exact solution, else reference values, else the finer run (in words).
 
     The error of the finer run is `accuracy.SHARE` of its difference to the coarser one.
     """
@@ -83,7 +84,7 @@ def truth_of(scene: Scene, coarse: Sample, fine: Sample) -> Truth:
     area, probe_a = np.full(len(times), np.nan), np.full((len(times), len(scene.probes.points)), np.nan)
     area[: len(fine.area)], probe_a[: len(fine.area)] = fine.area, fine.probe_a
     known = {
-        quantity: Known(f"{fine.point.method.name}, {fine.point.numerics}", SHARE * change)
+        quantity: Known(words, SHARE * change)
         for quantity, change in _errors(scene, coarse, fine.cloud_a, area, probe_a).items()
     }
     if fine.ending != "completed":
@@ -105,16 +106,16 @@ def truth_of(scene: Scene, coarse: Sample, fine: Sample) -> Truth:
     return Truth(scene, fine, area, probe_a, known)
 
 
-def errors_of(truth: Truth, sample: Sample) -> dict[Quantity, float]:
+def errors_of(truth: Truth, answer: Answer) -> dict[Quantity, float]:
     """Return the errors of a run; nan where it failed or nothing is known."""
     scene, cloud_a, probe_a = truth.scene, truth.fine.cloud_a, truth.probe_a
-    if scene.expect.exact and sample.ending == "completed":
+    if scene.expect.exact and answer.ending == "completed":
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-        cloud_a = _exact(scene, cloud(scene.parameters.l0)[0], sample.cloud_x, scene.output_times[-1])
+        cloud_a = _exact(scene, cloud(scene.parameters.l0)[0], answer.cloud_x, scene.output_times[-1])
         probe_a = np.array(
-            [_exact(scene, points, x, t) for x, t in zip(sample.probe_x, sample.times, strict=True)]
+            [_exact(scene, points, x, t) for x, t in zip(answer.probe_x, answer.times, strict=True)]
         )
-    found = _errors(scene, sample, cloud_a, truth.area, probe_a)
+    found = _errors(scene, answer, cloud_a, truth.area, probe_a)
     return {
         quantity: np.nan if np.isnan(truth.known[quantity].floor) else found[quantity] for quantity in found
     }
@@ -127,18 +128,18 @@ def _exact(scene: Scene, points: Array, x: Array, t: float) -> Array:
 
 
 def _errors(
-    scene: Scene, sample: Sample, cloud_a: Array, area: Array, probe_a: Array
+    scene: Scene, answer: Answer, cloud_a: Array, area: Array, probe_a: Array
 ) -> dict[Quantity, float]:
     """Errors against values on the cloud and at the output times; nan of a run that did not complete."""
-    if sample.ending != "completed":
+    if answer.ending != "completed":
         return dict.fromkeys(Quantity, np.nan)
     _, weights = cloud(scene.parameters.l0)
     return {
         Quantity.CONCENTRATION: float(
-            np.sqrt(weights @ (sample.cloud_a - cloud_a) ** 2 / (weights @ cloud_a**2))
+            np.sqrt(weights @ (answer.cloud_a - cloud_a) ** 2 / (weights @ cloud_a**2))
         ),
-        Quantity.AREA: _largest(sample.area / area - 1),
-        Quantity.PROBES: _largest(sample.probe_a - probe_a),
+        Quantity.AREA: _largest(answer.area / area - 1),
+        Quantity.PROBES: _largest(answer.probe_a - probe_a),
     }
 
 
@@ -165,14 +166,43 @@ WRONG = 0.05
 
 
 def standing(
-    sample: Sample, errors: dict[Quantity, float], quantity: Quantity, known: dict[Quantity, Known]
+    answer: Answer, errors: Mapping[Quantity, float], quantity: Quantity, known: Mapping[Quantity, Known]
 ) -> Standing:
     """Return what a run is in the chart of a quantity."""
     error, floor = errors[quantity], known[quantity].floor
-    if sample.ending != "completed":
+    if answer.ending != "completed":
         return Standing.FAILED
     if errors[Quantity.CONCENTRATION] > WRONG:
         return Standing.SILENT
     if not np.isfinite(error):
         return Standing.UNKNOWN
     return Standing.BELOW if error <= floor else Standing.JUDGED
+
+
+TARGETS = tuple(10.0**-k for k in range(2, 13))
+"""Errors advice is given for, as far as they are reached."""
+
+
+def front(work: Sequence[float] | Array, error: Sequence[float] | Array) -> list[int]:
+    """Return the points that no other one beats in both, by increasing work.
+
+    Parameters
+    ----------
+    work, error : of each point, (n,); those without two finite numbers are left out.
+
+    Of points that are equal in both the first one stands for all.
+    """
+    order = np.lexsort((np.asarray(error), np.asarray(work)))
+    best, kept = math.inf, []
+    for i in order.tolist():
+        if math.isfinite(work[i]) and error[i] < best:
+            best = error[i]
+            kept.append(i)
+    return kept
+
+
+def advise(work: Sequence[float] | Array, error: Sequence[float] | Array) -> list[tuple[float, int]]:
+    """Return each of `TARGETS` that any point reaches, largest error first, and its cheapest point."""
+    kept = front(work, error)
+    enough = [(target, [i for i in kept if error[i] <= target]) for target in TARGETS]
+    return [(target, good[0]) for target, good in enough if good]
