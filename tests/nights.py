@@ -14,9 +14,9 @@ import pytest
 from actin_xcheck.cli.nightly import spend
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.items import Found, NotDecided
+from actin_xcheck.nightly.items import NotDecided
 from actin_xcheck.nightly.plan import KERNEL, Plan, Wish
-from actin_xcheck.nightly.record import FILE_NAME, Kept, Kind, Number, read_night
+from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, Number, read_night
 from actin_xcheck.runs.workers import in_turn as in_this_process
 from tests.claims import claim
 from tests.processes import in_turn
@@ -37,7 +37,7 @@ class Stub:
     log: str = ""
     timed = False
 
-    def find(self, folder: Path) -> Found:
+    def find(self, folder: Path) -> Done:
         if self.log:
             with open(self.log, "a", encoding="utf-8") as log:
                 log.write(f"{self.name}\n")
@@ -56,7 +56,9 @@ class Stub:
             raise NotDecided("nothing to decide it by")
         (folder / "kept.txt").write_text("a file")
         made = claim(f"claim of {self.name}", self.value, command="again", path="/run/x", note="why")
-        return Found((made,), ("kept.txt",), (Number(f"error/{self.name}", Kind.ERROR, self.value),))
+        return Done(
+            self.name, (made,), ("kept.txt",), (Number(f"error/{self.name}", Kind.ERROR, self.value),)
+        )
 
 
 @pytest.fixture

@@ -46,11 +46,8 @@ def kept(path, number: int, **values: float) -> Night:
 def test_a_night_comes_back_as_it_went_in(tmp_path):
     path = tmp_path / "reports" / "history.sqlite"
     given = night(1, budget=1800.0, command="nightly", versions={"numpy": "2.4", "fipy": "4.0"})
-    numbers = [
-        Number("error/a", Kind.ERROR, 1e-3, "", "a.vtkhdf"),
-        Number("order/a", Kind.ORDER, math.inf),
-        Number("time/a", Kind.TIME, math.nan, "s"),
-    ]
+    numbers = [Number("error/a", Kind.ERROR, 1e-3, "", "a.vtkhdf"), Number("order/a", Kind.ORDER, math.inf)]
+    numbers.append(Number("time/a", Kind.TIME, math.nan, "s"))
     assert append(path, given, numbers, [judged(0.01), judged(math.nan, ClaimKind.ENDS)]) == replace(given)
     (found,) = read_nights(path)
     assert replace(found.night, seconds=0.0) == replace(given, seconds=0.0)
@@ -74,9 +71,8 @@ def test_nights_are_in_the_order_of_their_dates_and_series_follow_them(tmp_path)
 
 def test_names_and_keys_given_twice_are_kept_apart(tmp_path):
     path = tmp_path / "h.sqlite"
-    names = [
-        append(path, night(1), [Number("a", Kind.ERROR, 1.0)] * 2, [judged(0.01)] * 2).name for _ in "ab"
-    ]
+    twice = [Number("a", Kind.ERROR, 1.0)] * 2, [judged(0.01)] * 2
+    names = [append(path, night(1), *twice).name for _ in "ab"]
     assert names == ["2026-03-01", "2026-03-01-2"]
     assert [one.key for one in read_numbers(path, names[1])] == ["a", "a-2"]
     assert len(read_claims(path, names[1])) == 2
@@ -154,44 +150,44 @@ def test_nights_written_at_once_all_get_in(tmp_path):
     assert len({one.night.name for one in nights}) == 20
 
 
-def test_files_that_are_no_history_are_one_line(tmp_path):
+def many(path, number):
+    return kept(path, number, **{f"k{i}": 1.0 for i in range(2000)})
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda whole: b"hello\n" * 1000,
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole[:4096] + b"\xff" * 8192 + whole[12288:],
+    ],
+)
+def test_a_damaged_history_is_one_line(tmp_path, damage):
     path = tmp_path / "h.sqlite"
     with pytest.raises(UserError, match="no such file"):
         read_nights(path)
     assert not path.exists()
-    kept(path, 1, **{f"k{i}": 1.0 for i in range(2000)})
-    whole = path.read_bytes()
-    for damaged in (
-        b"hello\n" * 1000,
-        whole[: len(whole) // 2],
-        whole[:4096] + b"\xff" * 8192 + whole[12288:],
-    ):
-        path.write_bytes(damaged)
-        for asked in (
-            read_nights,
-            read_series,
-            lambda path: kept(path, 2, **{f"k{i}": 1.0 for i in range(2000)}),
-        ):
-            with pytest.raises(UserError, match=r"h\.sqlite: not a whole history"):
-                asked(path)
-    path.unlink()
-    with sqlite3.connect(path) as other:
-        other.execute("CREATE TABLE nights (name TEXT)")
-    with pytest.raises(UserError, match="a database of something else"):
-        kept(path, 1, a=1.0)
-    path.write_bytes(whole)
-    with sqlite3.connect(path) as newer:
-        newer.execute("PRAGMA user_version = 99")
-    with pytest.raises(UserError, match="schema 99, but this version reads schema 2"):
-        read_nights(path)
+    many(path, 1)
+    path.write_bytes(damage(path.read_bytes()))
+    for asked in (read_nights, read_series, lambda path: many(path, 2)):
+        with pytest.raises(UserError, match=r"h\.sqlite: not a whole history"):
+            asked(path)
 
 
-def test_values_that_are_none_are_one_line(tmp_path):
+@pytest.mark.parametrize(
+    ("said", "of"),
+    [
+        ("PRAGMA application_id = 7", "a database of something else"),
+        ("PRAGMA user_version = 99", "schema 99, but this version reads schema 2"),
+        ("UPDATE numbers SET kind = 'colour'", "'colour' is not a valid Kind"),
+    ],
+)
+def test_a_file_of_something_else_is_one_line(tmp_path, said, of):
     path = tmp_path / "h.sqlite"
     kept(path, 1, a=1.0)
-    with sqlite3.connect(path) as rows:
-        rows.execute("UPDATE numbers SET kind = 'colour'")
-    with pytest.raises(UserError, match="'colour' is not a valid Kind"):
+    with sqlite3.connect(path) as other:
+        other.execute(said)
+    with pytest.raises(UserError, match=of):
         read_series(path)
 
 
@@ -199,29 +195,22 @@ def test_values_that_are_none_are_one_line(tmp_path):
 
 
 def test_differences_are_sorted_by_what_is_of_interest():
-    old = [
-        Number("error/same", Kind.ERROR, 1.0),
-        Number("error/zero", Kind.ERROR, 0.0),
-        Number("error/twice", Kind.ERROR, 1e-3),
-        Number("order/a", Kind.ORDER, 2.0),
-        Number("time/a", Kind.TIME, 1.0),
-        Number("time/gone", Kind.TIME, 1.0),
-    ]
-    new = [
-        Number("error/same", Kind.ERROR, 1.0 + 1e-12),
-        Number("error/zero", Kind.ERROR, 1e-17),
-        Number("error/twice", Kind.ERROR, 4e-3),
-        Number("order/a", Kind.ORDER, 2.3),
-        Number("time/a", Kind.TIME, 1.05),
-        Number("count/new", Kind.COUNT, 3.0),
-    ]
+    error, order, time = Kind.ERROR, Kind.ORDER, Kind.TIME
+    known = {
+        "same": (error, 1.0, 1.0 + 1e-12),
+        "zero": (error, 0.0, 1e-17),
+        "twice": (error, 1e-3, 4e-3),
+        "order": (order, 2.0, 2.3),
+        "time": (time, 1.0, 1.05),
+    }
+    old = [*(Number(key, kind, was) for key, (kind, was, _) in known.items()), Number("gone", time, 1.0)]
+    new = [*(Number(key, kind, now) for key, (kind, _, now) in known.items()), Number("new", Kind.COUNT, 3.0)]
     found = differences(old, new)
-    assert [(one.key, one.direction) for one in found] == [
-        ("count/new", "new"),
-        ("time/gone", "gone"),
-        ("order/a", "better"),
-        ("error/twice", "worse"),
-        ("time/a", "worse"),
+    assert {one.key: one.direction for one in found[:2]} == {"new": "new", "gone": "gone"}
+    assert [(one.key, one.direction) for one in found[2:]] == [
+        ("order", "better"),
+        ("twice", "worse"),
+        ("time", "worse"),
     ]
     assert [one.weight for one in found[2:]] == pytest.approx([3.0, 2.0, math.log(1.05) / math.log(1.15)])
 
@@ -263,21 +252,21 @@ def test_history_lists_nights_numbers_and_changes(written):
     assert len(numbers.splitlines()) == 2
     steps = said("history", "--steps", "--file", written)
     assert "23 numbers: 3 changes, 0 minor ones, 0 suspects" in steps
-    for first, key in (
-        ("2026-04-06", "order/dropped"),
-        ("2026-04-14", "time/slower"),
-        ("2026-04-20", "claim/agreement/fig14"),
-    ):
+    dated = {
+        "2026-04-06": "order/dropped",
+        "2026-04-14": "time/slower",
+        "2026-04-20": "claim/agreement/fig14",
+    }
+    for first, key in dated.items():
         assert any(first in line and key in line for line in steps.splitlines())
     assert "commit 000000000000 -> 000000000000" not in steps
 
 
-def test_numbers_that_are_not_there_are_a_mistake_that_names_those_that_are(written):
-    for options in ((), ("--json",), ("--steps",)):
-        with pytest.raises(
-            UserError, match=r"^--key: no number is called 'nothing/\*'; valid: such as claim/\*, "
-        ):
-            said("history", "--key", "nothing/*", "--file", written, *options)
+@pytest.mark.parametrize("option", ["--steps", "--json"])
+def test_numbers_that_are_not_there_are_a_mistake_that_names_those_that_are(written, option):
+    wanted = r"^--key: no number is called 'nothing/\*'; valid: such as claim/\*, "
+    with pytest.raises(UserError, match=wanted):
+        said("history", "--key", "nothing/*", "--file", written, option)
 
 
 def test_the_same_as_json(written):

@@ -29,9 +29,8 @@ night = nights.night  # a fixture
 
 
 def test_what_failed_last_then_what_often_fails_then_what_is_cheap():
-    plan = Plan(
-        tuple(Stub(name, guess) for name, guess in (("dear", 9), ("cheap", 1), ("often", 5), ("red", 8)))
-    )
+    guesses = {"dear": 9, "cheap": 1, "often": 5, "red": 8}
+    plan = Plan(tuple(Stub(name, guess) for name, guess in guesses.items()))
     known = Past({"cheap": 2.0, "dear": 1.0}, frozenset({"red"}), {"often": 0.2, "red": 0.1, "cheap": 0.0})
     assert [item.name for item in chosen(plan, (), False, known).items] == ["red", "often", "dear", "cheap"]
     assert [item.name for item in chosen(plan, (), False, Past()).items] == ["cheap", "often", "red", "dear"]
@@ -62,12 +61,8 @@ def test_the_suite_has_all_parts_and_names_of_its_own():
 
 def test_what_is_not_expected_to_fit_is_not_begun(night, tmp_path):
     log = tmp_path / "log"
-    stubs = [
-        Stub("small", 0.1, log=str(log)),
-        Stub("large", 40.0, log=str(log)),
-        Stub("last", 0.2, log=str(log)),
-    ]
-    assert night(*stubs, minutes=0.5) == 0
+    sizes = {"small": 0.1, "large": 40.0, "last": 0.2}
+    assert night(*(Stub(name, guess, log=str(log)) for name, guess in sizes.items()), minutes=0.5) == 0
     assert log.read_text().split() == ["small", "last"]
     kept = only_night(tmp_path)
     assert [one.name for one in kept.left_out] == ["large"]
@@ -265,11 +260,8 @@ def test_a_night_has_a_name_that_the_history_has_not_though_its_folder_is_gone(n
 
 def test_folders_are_made_by_date_and_never_shared(tmp_path):
     begun = datetime(2026, 3, 4, 1, tzinfo=UTC)
-    assert [night_folder(tmp_path, begun).name for _ in range(3)] == [
-        "2026-03-04",
-        "2026-03-04-2",
-        "2026-03-04-3",
-    ]
+    made = [night_folder(tmp_path, begun).name for _ in range(3)]
+    assert made == ["2026-03-04", "2026-03-04-2", "2026-03-04-3"]
 
 
 @pytest.mark.parametrize("damage", ["", "[]", "{}", '{"schema": 9}', '{"schema": 1, "begun": {}}'])

@@ -35,7 +35,7 @@ from actin_xcheck.nightly.history import (
     read_numbers,
     remember,
 )
-from actin_xcheck.nightly.items import Checked, Control, Found, Item, NotDecided, night_long, no_verdict
+from actin_xcheck.nightly.items import Checked, Control, Item, NotDecided, night_long, no_verdict
 from actin_xcheck.nightly.plan import Plan, Tonight
 from actin_xcheck.nightly.record import FILE_NAME, STUDY, Done, Kept, Kind, NotRun, Number, write_night
 from actin_xcheck.runs.alone import prepare, work_alone
@@ -124,14 +124,14 @@ def ended(name: str, lost: Lost, seconds: float) -> Done | Stopped:
     if lost.killed:
         return Stopped(lost.message, seconds=seconds)
     trouble = f"broke down: {lost.message}"
-    return Done(name, (no_verdict(name, trouble),), ("",), (), seconds, trouble)
+    return Done(name, (no_verdict(name, trouble),), ("",), seconds=seconds, trouble=trouble)
 
 
 def _find(given: tuple[Asked, Path]) -> Done | Stopped:
     """In the process: carry the check out and measure it."""
     asked, night = given
     name, folder = asked.item.name, night / asked.folder
-    found, trouble = None, ""
+    found = Done(name, (), ())
     WORK.clear()
     forget_peak()
     before, began = peak_memory(), time.perf_counter()
@@ -145,8 +145,8 @@ def _find(given: tuple[Asked, Path]) -> Done | Stopped:
             if starved(error):
                 return Stopped(f"the machine has not enough memory, disk or files for it ({said})")
             trouble = f"broke down: {said}"
+            found = Done(name, (no_verdict(name, trouble),), ("",), trouble=trouble)
     seconds, memory = time.perf_counter() - began, max(peak_memory() - before, 0)
-    found = found or Found((no_verdict(name, trouble),), ("",))
     where = asked.folder
     if not any(folder.iterdir()):
         folder.rmdir()
@@ -162,7 +162,7 @@ def _find(given: tuple[Asked, Path]) -> Done | Stopped:
     )
     files = tuple(f"{where}/{file}" if file else "" for file in found.files)
     reached = (*found.reached, asked.fault) if calls.count > 0 else found.reached
-    return Done(name, found.claims, files, numbers, seconds, trouble, reached, where)
+    return replace(found, files=files, numbers=numbers, seconds=seconds, reached=reached, folder=where)
 
 
 @contextmanager
@@ -344,7 +344,9 @@ def _against_baseline(history: Path, kept: Kept) -> list[Done]:
     new = list(numbers_of(kept)), {one.key: one for one in judged_in(kept.done)}
     again = command("diff", earlier.name, kept.begun.name, file=history)
     claims = tuple(against(earlier, again, old, new))
-    return [Done(f"baseline {earlier.name}", claims, ("",) * len(claims), (), time.perf_counter() - began)]
+    return [
+        Done(f"baseline {earlier.name}", claims, ("",) * len(claims), seconds=time.perf_counter() - began)
+    ]
 
 
 def _fault_missed(history: Path, kept: Kept) -> list[Done]:
@@ -355,4 +357,4 @@ def _fault_missed(history: Path, kept: Kept) -> list[Done]:
     passed = tuple(one.name for one in kept.done)
     why = f"missed: none of the night's {len(passed)} checks turned red"
     claim = control(missed(FAULTS[kept.begun.fault], passed, why))
-    return [Done(f"fault {kept.begun.fault}", (claim,), ("",), (), 0.0)]
+    return [Done(f"fault {kept.begun.fault}", (claim,), ("",))]

@@ -36,12 +36,8 @@ FALSE_ALARM = 1e-3
 FALSE_SHARE = 0.02
 """Expected share of false ones among the causes of noisy changes, or the probability of any where all are."""
 
-SHORTEST = 3
-"""Values of a segment at least: fewer at the end are `SUSPECT`, fewer within are outliers."""
-
-ENOUGH = 6
-"""Values of a noisy sequence from which on it is judged at all."""
-
+SHORTEST = 3  # values of a segment at least: fewer at the end are `SUSPECT`, fewer within are outliers
+ENOUGH = 6  # values of a noisy sequence from which on it is judged at all
 _WINDOW = 7  # values of a running median, which keeps edges of `SHORTEST`
 _CLIPPED = 3.0  # robust standard deviations off it at most
 _STARTS = 60  # places, spread evenly, where a drift may begin or end
@@ -73,11 +69,10 @@ class Change:
     shape : a step, a slow drift, or the last value or two standing out.
     first, last : index of the first changed value and of the first one wholly changed; equal but for a drift.
     within : first and last index at which it may have begun, at 95 %.
-    old : level before.
-    size : of the change; error its standard error, 0 where there is no noise.
+    old, size, error : level before, change and its standard error, 0 where there is no noise.
     p : bound on the probability of such a change in noise, anywhere in the sequence; 0 without noise.
-    losses : (n,), twice the log-likelihood that is lost where a noisy step is put to each index; inf where it
-        cannot be.  Empty for other changes.
+    losses : (n,), twice the log-likelihood that a noisy step loses at each index, inf where it cannot be; or
+        empty.
     """
 
     shape: Shape
@@ -106,13 +101,20 @@ def events(series: Iterable[Series]) -> list[Event]:
     found, told, quiet = list[_Found](), list[Event](), 0
     for part in (part for one in series for part in one.by_machine):
         known = part.only(np.flatnonzero(np.isfinite(part.values)))
-        here = _changes_of(known)
+        if not known.nights:
+            continue
+        y, round_off, here = known.scaled, known.round_off, list[_Found]()
+        for change in changes(y, round_off):  # but those that are clearly smaller than what is of interest
+            if change.exact or abs(change.size) + _BELIEVED * change.error >= known.interest:
+                here.append(_Found(known, change))
         found += here
-        told += _lost(part)
-        noisy = len(known.nights) >= ENOUGH and not without_noise(known.scaled, known.round_off)
-        quiet += noisy and all(one.change.exact for one in here)
+        quiet += len(y) >= ENOUGH and not without_noise(y, round_off) and all(i.change.exact for i in here)
+        if known.nights[-1] is not part.nights[-1]:
+            told.append(_lost(part, known))
     causes = _causes(found)
-    sure, noise = ([one for one in causes if one.exact is exact] for exact in (True, False))
+    sure, noise = (
+        [one for one in causes if one.shown_by[0].change.exact is exact] for exact in (True, False)
+    )
     if noise:
         adjusted = false_discovery_control([one.p for one in noise] + [1.0] * quiet)
         sure += (one for one, p in zip(noise, adjusted, strict=False) if p <= FALSE_SHARE)
@@ -137,23 +139,21 @@ class _Found(NamedTuple):
         return np.append(self.change.losses, np.inf)[own]
 
 
-def _changes_of(series: Series) -> list[_Found]:
-    """The changes of one series that are exact or not clearly smaller than what is of interest."""
-    return [
-        _Found(series, change)
-        for change in (changes(series.scaled, series.round_off) if series.nights else ())
-        if change.exact or abs(change.size) + _BELIEVED * change.error >= series.interest
-    ]
-
-
-def _lost(series: Series) -> list[Event]:
+def _lost(series: Series, known: Series) -> Event:
     """That a number could not be had any more, from the night after the last that had it."""
-    had = np.flatnonzero(np.isfinite(series.values))
-    if len(had) == 0 or (last := int(had[-1])) == len(series.nights) - 1:
-        return []
-    at, news = series.nights[last + 1], series.nights[last + 1].differences(series.nights[last])
-    said = series.key, series.kind, series.unit, Shape.LOST, at, (at,), 1, at, news
-    return [Event(*said, float(series.values[last]), math.nan, math.nan, math.inf, 0.0, True)]
+    at = series.nights[series.nights.index(known.nights[-1]) + 1]
+    said = (
+        series.key,
+        series.kind,
+        series.unit,
+        Shape.LOST,
+        at,
+        (at,),
+        1,
+        at,
+        at.differences(known.nights[-1]),
+    )
+    return Event(*said, float(known.values[-1]), math.nan, math.nan, math.inf, 0.0, True)
 
 
 class _Cause(NamedTuple):
@@ -163,11 +163,6 @@ class _Cause(NamedTuple):
     nights: Sequence[Night]
     at: int
     within: tuple[int, int]
-
-    @property
-    def exact(self) -> bool:
-        """Whether there is no noise around."""
-        return self.shown_by[0].change.exact
 
     @property
     def p(self) -> float:

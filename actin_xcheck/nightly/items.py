@@ -13,7 +13,7 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.nightly.record import Kind, Number
+from actin_xcheck.nightly.record import Done, Kind, Number
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -86,24 +86,6 @@ def no_verdict(check: str, trouble: str) -> Claim:
     )
 
 
-@dataclass(frozen=True)
-class Found:
-    """What an item found.
-
-    Attributes
-    ----------
-    claims : what came out.
-    files : of each claim, relative to the item's folder: what holds its number; empty where nothing is kept.
-    numbers : for the history, beside the claims.
-    reached : functions with a known fault that were called.
-    """
-
-    claims: tuple[Claim, ...]
-    files: tuple[str, ...]
-    numbers: tuple[Number, ...] = ()
-    reached: tuple[str, ...] = ()
-
-
 class Item(Protocol):
     """Something that a night carries out by itself."""
 
@@ -122,7 +104,7 @@ class Item(Protocol):
         """Whether it runs by itself, on this machine: its time is what is measured."""
         ...
 
-    def find(self, folder: Path) -> Found:
+    def find(self, folder: Path) -> Done:
         """Carry it out in this process, with files into a folder of its own."""
         ...
 
@@ -145,7 +127,7 @@ class Checked:
         """That of the check."""
         return self.check.name
 
-    def find(self, folder: Path) -> Found:
+    def find(self, folder: Path) -> Done:
         """Its claims, and the numbers in its files."""
         targets = there(fault.target for fault in FAULTS.values()) if self.watches else ()
         with watched(targets) as calls:
@@ -156,13 +138,13 @@ class Checked:
         if silent or not any(claim.judged for claim in claims):
             said = f"{len(silent)} of its orders came to no" if silent else "none of its claims came to a"
             claims = [*claims, no_verdict(self.name, f"{said} verdict")]
-        reached = tuple(target for target, one in calls.items() if one.count)
         places = [located(claim, folder) for claim in claims]
-        return Found(
-            tuple(claim for _, claim in places),
-            tuple(file for file, _ in places),
-            tuple(numbers_in(folder, self.name)),
-            reached,
+        return Done(
+            name=self.name,
+            claims=tuple(claim for _, claim in places),
+            files=tuple(file for file, _ in places),
+            numbers=tuple(numbers_in(folder, self.name)),
+            reached=tuple(target for target, one in calls.items() if one.count),
         )
 
 
@@ -194,12 +176,12 @@ class Control:
         """What the fault replaces."""
         return FAULTS[self.fault].target
 
-    def find(self, folder: Path) -> Found:
+    def find(self, folder: Path) -> Done:
         """One claim: that a check turns red.  NotDecided where too few checks were run to say so."""
         caught = held_against((FAULTS[self.fault], self.checks), folder)
         if not caught.caught and not self.whole:
             raise NotDecided(f"not caught by the {len(self.checks)} checks that were run before it")
-        return Found((control(caught),), ("",))
+        return Done(self.name, (control(caught),), ("",))
 
 
 @dataclass(frozen=True)
@@ -219,7 +201,7 @@ class Costed:
         """The word, scene and method."""
         return f"cost {self.scene} {self.method} refine {self.refine}"
 
-    def find(self, folder: Path) -> Found:
+    def find(self, folder: Path) -> Done:
         """That the run completes; how much it costs, which no bound judges, but the history does."""
         scene, method = load_scene(self.scene), METHODS[self.method]
         point = Numerics(
@@ -240,7 +222,7 @@ class Costed:
             note=sample.answer.message
             or f"{kernels:.1f} reference kernels, {sample.seconds:.3g} s, {sample.steps} steps",
         )
-        return Found((claim,), ("",), tuple(_costs(self.name, sample, kernels, command)))
+        return Done(self.name, (claim,), ("",), tuple(_costs(self.name, sample, kernels, command)))
 
 
 def _costs(name: str, sample: Sample, kernels: float, command: str) -> list[Number]:

@@ -158,8 +158,8 @@ class Done:
     name: str
     claims: tuple[Claim, ...]
     files: tuple[str, ...]
-    numbers: tuple[Number, ...]
-    seconds: float
+    numbers: tuple[Number, ...] = ()
+    seconds: float = 0.0
     trouble: str = ""
     reached: tuple[str, ...] = ()
     folder: str = ""
