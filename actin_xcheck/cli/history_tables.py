@@ -1,7 +1,6 @@
 """Nights, series and changes as `history` and `diff` show them: tables of a terminal, and plain values."""
 
 import json
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -13,6 +12,7 @@ from rich.table import Table
 
 from actin_xcheck.nightly.differences import Difference, Event, Shape, Turned
 from actin_xcheck.nightly.history import Counted, Series
+from actin_xcheck.nightly.record import plain
 
 SHOWN = 40
 """Lines of a table of changes at most; --json has them all."""
@@ -46,9 +46,7 @@ def events_table(found: Iterable[Event]) -> Table:
     for event in found:
         what = str(event.shape) if event.shape is Shape.LOST else f"{event.shape}, {event.direction}"
         first, last = event.within[0].name, event.within[-1].name
-        night = (
-            event.night.name if event.until is event.night else f"{event.night.name} to {event.until.name}"
-        )
+        night = " to ".join(dict.fromkeys((event.night.name, event.until.name)))
         likely = first if first == last else f"{first} to {last}"
         if event.together > 1:
             likely += f", by {event.together} numbers"
@@ -124,16 +122,5 @@ def plain_difference(one: Difference) -> dict[str, Any]:
 
 def print_json(found: dict[str, Any]) -> None:
     """Print what was found as JSON."""
-    json.dump(_plain(found), sys.stdout, indent=1, allow_nan=False)
+    json.dump(plain(found), sys.stdout, indent=1, allow_nan=False)
     print()
-
-
-def _plain(found: Any) -> Any:
-    """The same for JSON, which knows no nan (null) and no infinity (a string)."""
-    if isinstance(found, dict):
-        return {name: _plain(value) for name, value in found.items()}
-    if isinstance(found, list | tuple):
-        return [_plain(value) for value in found]
-    if isinstance(found, float) and not math.isfinite(found):
-        return None if math.isnan(found) else str(found)
-    return found

@@ -30,12 +30,8 @@ from actin_xcheck.nightly.differences import Event, Shape
 from actin_xcheck.nightly.history import Series
 from actin_xcheck.nightly.record import Night
 
-FALSE_ALARM = 1e-3
-"""Bound on the probability that independent noise of one sequence is reported as a step (Bonferroni's)."""
-
-FALSE_SHARE = 0.02
-"""Expected share of false ones among the causes of noisy changes, or the probability of any where all are."""
-
+FALSE_ALARM = 1e-3  # bound on the probability that noise of one sequence is reported as a step (Bonferroni's)
+FALSE_SHARE = 0.02  # expected share of false ones among causes, or the probability of any where all are
 SHORTEST = 3  # values of a segment at least: fewer at the end are `SUSPECT`, fewer within are outliers
 ENOUGH = 6  # values of a noisy sequence from which on it is judged at all
 _WINDOW = 7  # values of a running median, which keeps edges of `SHORTEST`
@@ -49,8 +45,7 @@ _FAR = 3.0  # standard deviations of what is left at most: one bad night is no c
 INSIDE = -2 * np.log(1 - np.sqrt(0.95))
 """Twice the loss of log-likelihood within which the night of a step lies with 95 %: (1 - e^{-x/2})^2.
 
-Steps share a night in which none loses more: less would part what belongs together, more would join causes
-that lie some nights apart.
+Steps share a night in which none loses more; more would join causes that lie some nights apart.
 """
 
 _ADVANTAGE = 6.0
@@ -141,19 +136,12 @@ class _Found(NamedTuple):
 
 def _lost(series: Series, known: Series) -> Event:
     """That a number could not be had any more, from the night after the last that had it."""
-    at = series.nights[series.nights.index(known.nights[-1]) + 1]
-    said = (
-        series.key,
-        series.kind,
-        series.unit,
-        Shape.LOST,
-        at,
-        (at,),
-        1,
-        at,
-        at.differences(known.nights[-1]),
-    )
-    return Event(*said, float(known.values[-1]), math.nan, math.nan, math.inf, 0.0, True)
+    last = known.nights[-1]
+    at = series.nights[series.nights.index(last) + 1]
+    return Event(
+        key=series.key, kind=series.kind, unit=series.unit, old=float(known.values[-1]), new=math.nan,
+        weight=math.inf, shape=Shape.LOST, night=at, within=(at,), until=at, news=at.differences(last),
+    )  # fmt: skip
 
 
 class _Cause(NamedTuple):
@@ -174,9 +162,7 @@ class _Cause(NamedTuple):
         return self.nights[at].differences(self.nights[at - 1])
 
     def with_news(self, losses: Array | None = None) -> "_Cause":
-        """The same in a night within that has code, libraries or machine anew, if any has: the one that loses
-        least, or the nearest.  A number does not change of itself.
-        """
+        """The same in that night within which loses least, or is nearest, of those with anything new."""
         off = np.abs(np.arange(len(self.nights)) - self.at) if losses is None else losses
         fresh = [at for at in range(self.within[0], self.within[1] + 1) if self.news(at)]
         return self._replace(at=min(fresh, key=lambda at: float(off[at]))) if fresh else self
@@ -186,12 +172,13 @@ def _event(found: _Found, cause: _Cause) -> Event:
     series, change = found
     levels = change.old, change.old + change.size
     old, new = map(math.exp, levels) if series.kind.logarithmic else levels
-    night = cause.nights[cause.at]
+    night, (begin, end) = cause.nights[cause.at], cause.within
     return Event(
-        series.key, series.kind, series.unit, change.shape, night,
-        tuple(cause.nights[cause.within[0] : cause.within[1] + 1]), len(cause.shown_by),
-        series.nights[change.last] if change.shape is Shape.DRIFT else night, cause.news(cause.at), old, new,
-        change.size, abs(change.size) / series.interest, change.p, change.exact,
+        key=series.key, kind=series.kind, unit=series.unit, old=old, new=new,
+        weight=abs(change.size) / series.interest, shape=change.shape, night=night,
+        within=tuple(cause.nights[begin : end + 1]), together=len(cause.shown_by),
+        until=series.nights[change.last] if change.shape is Shape.DRIFT else night,
+        news=cause.news(cause.at), size=change.size, p=change.p, exact=change.exact,
     )  # fmt: skip
 
 
@@ -231,8 +218,7 @@ def _joint(group: Sequence[_Found]) -> _Cause:
     losses = np.sum([one.losses(nights) for one in group], axis=0)
     losses = (losses - losses.min()) / (1 + (len(group) - 1) * _correlation(group, nights))
     near = np.flatnonzero(losses <= INSIDE)
-    cause = _Cause(group, nights, int(np.argmin(losses)), (int(near[0]), int(near[-1])))
-    return cause.with_news(losses)
+    return _Cause(group, nights, int(np.argmin(losses)), (int(near[0]), int(near[-1]))).with_news(losses)
 
 
 def _nights(steps: Iterable[_Found]) -> tuple[Night, ...]:
@@ -292,12 +278,6 @@ def _runs(y: Array, round_off: float) -> list[int]:
     return starts
 
 
-def _price(count: int) -> float:
-    """What one more step must lower n log(RSS) by: what the best of noise does with `FALSE_ALARM` at most."""
-    threshold = float(student.isf(FALSE_ALARM / (2 * (count - 1)), count - 2))
-    return float(count * np.log1p(threshold**2 / (count - 2)))
-
-
 def _off_means(y: Array, firsts: list[int]) -> Array:
     """The values off the means of their segments."""
     return np.concatenate([one - one.mean() for one in np.split(y, firsts)])
@@ -308,12 +288,16 @@ def _spread(y: Array) -> float:
     return float(len(y) * y.var())
 
 
-def _steps(y: Array, round_off: float, whole: float) -> tuple[list[Change], float]:
-    """The steps of the segmentation that explains the sequence best for what it costs, and n log(RSS) of it
-    with what it costs.
+def _price(count: int) -> float:
+    """What one more step must lower n log(RSS) by: what the best of noise does with `FALSE_ALARM` at most."""
+    threshold = float(student.isf(FALSE_ALARM / (2 * (count - 1)), count - 2))
+    return float(count * np.log1p(threshold**2 / (count - 2)))
 
-    Means of values of which a share `whole` was left unclipped are less sure by that factor (Tukey and
-    McLaughlin's).
+
+def _steps(y: Array, round_off: float, whole: float) -> tuple[list[Change], float]:
+    """The steps of the segmentation that explains the sequence best, and n log(RSS) of it with its price.
+
+    Means of values of which a share `whole` is unclipped are less sure by it (Tukey and McLaughlin's).
     """
     from ruptures import KernelCPD  # slow to import, and few commands need it
 
@@ -337,10 +321,8 @@ def _steps(y: Array, round_off: float, whole: float) -> tuple[list[Change], floa
 
 
 def _persistence(noise: Array) -> float:
-    """The factor by which means of this noise are less sure than those of independent noise.
-
-    That of a first-order autoregression, (1 + rho)/(1 - rho) under a root, where rho is larger than what
-    independent noise shows once in twenty times: a machine that is busy is so for some nights.
+    """The factor by which means of this noise are less sure than those of independent noise: that of a
+    first-order autoregression, where one shows (once in twenty times in independent noise).
     """
     rho = float(noise[1:] @ noise[:-1] / (noise @ noise)) if noise.any() else 0.0
     return float(np.sqrt((1 + rho) / (1 - rho))) if rho * np.sqrt(len(noise)) > _BELIEVED else 1.0
@@ -377,8 +359,8 @@ def _step(y: Array, begin: int, end: int, wider: float) -> Change | None:
 def _ramps(count: int) -> tuple[Array, Array]:
     """Ramps of length one and mean zero, (m, n), and the last index before and first after each, (m, 2)."""
     places = np.unique(np.linspace(0, count - 1, min(count, _STARTS)).astype(int))
-    ends = np.array([(s, e) for s in places for e in places if e - s >= _SHORTEST_DRIFT], dtype=int)
-    ends = ends.reshape(-1, 2)
+    pairs = [(s, e) for s in places for e in places if e - s >= _SHORTEST_DRIFT]
+    ends = np.array(pairs, dtype=int).reshape(-1, 2)
     shapes = np.clip((np.arange(count) - ends[:, :1]) / np.diff(ends), 0.0, 1.0)
     shapes -= shapes.mean(axis=1, keepdims=True)
     return shapes / np.linalg.norm(shapes, axis=1, keepdims=True), ends

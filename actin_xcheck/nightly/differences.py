@@ -32,59 +32,7 @@ class Shape(StrEnum):
     LOST = "lost"
 
 
-@dataclass(frozen=True)
-class Event:
-    """A change of a number.
-
-    Attributes
-    ----------
-    key, kind, unit : of the number.
-    shape : a step, a drift, a suspect: the newest night or two stand out, too few to be sure; or lost: asked
-        for and not had any more.
-    night : the first that has it.
-    within : nights in which it may have begun, at 95 %, in order.
-    together : numbers that say so, this one included.
-    until : the night from which on it is whole; `night` but for a drift.
-    news : what changed with that night: commit, versions, machine, in words.
-    old, new : the number's level before and after.
-    size : of the change on the number's scale, `weight` the same over the smallest of interest.
-    p : bound on its probability in independent noise, over all nights; 0 where there is none.
-    exact : whether the numbers around are equal to round-off, so that there is no doubt.
-    """
-
-    key: str
-    kind: Kind
-    unit: str
-    shape: Shape
-    night: Night
-    within: tuple[Night, ...]
-    together: int
-    until: Night
-    news: tuple[str, ...]
-    old: float
-    new: float
-    size: float
-    weight: float
-    p: float
-    exact: bool
-
-    @property
-    def direction(self) -> str:
-        """ "worse", "better", or "other" where neither way is."""
-        return direction(self.kind, self.size)
-
-    @property
-    def minor(self) -> bool:
-        """Whether it is certain, but smaller than what is of interest."""
-        return self.weight < 1.0 and self.exact
-
-    @property
-    def change(self) -> str:
-        """The change in words."""
-        return in_words(self.kind, self.old, self.new)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Difference:
     """A number that is not the same in two nights.
 
@@ -107,12 +55,57 @@ class Difference:
         """ "worse", "better", or "other" where neither way is; "gone" and "new" where a night lacks it."""
         if math.isnan(self.new) or math.isnan(self.old):
             return "gone" if math.isnan(self.new) else "new"
-        return direction(self.kind, self.new - self.old)
+        return _direction(self.kind, self.new - self.old)
 
     @property
     def change(self) -> str:
         """The change in words."""
-        return in_words(self.kind, self.old, self.new)
+        both = f"{self.old:.4g} -> {self.new:.4g}"
+        if not math.isfinite(self.new - self.old):
+            return both
+        if not self.kind.logarithmic or not self.old:
+            return f"{both} ({self.new - self.old:+.3g})"
+        ratio = self.new / self.old
+        return f"{both} ({100 * (ratio - 1):+.3g} %)" if 0.5 < abs(ratio) < 2.0 else f"{both} (x {ratio:.3g})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event(Difference):
+    """A change of a number, between its levels before and after.
+
+    Attributes
+    ----------
+    shape : a step, a drift, a suspect: the newest night or two stand out, too few to be sure; or lost: asked
+        for and not had any more.
+    night : the first that has it.
+    within : nights in which it may have begun, at 95 %, in order.
+    together : numbers that say so, this one included.
+    until : the night from which on it is whole; `night` but for a drift.
+    news : what changed with that night: commit, versions, machine, in words.
+    size : of the change on the number's scale.
+    p : bound on its probability in independent noise, over all nights; 0 where there is none.
+    exact : whether the numbers around are equal to round-off, so that there is no doubt.
+    """
+
+    shape: Shape
+    night: Night
+    within: tuple[Night, ...]
+    together: int = 1
+    until: Night
+    news: tuple[str, ...]
+    size: float = math.nan
+    p: float = 0.0
+    exact: bool = True
+
+    @property
+    def direction(self) -> str:
+        """ "worse", "better", or "other" where neither way is."""
+        return _direction(self.kind, self.size)
+
+    @property
+    def minor(self) -> bool:
+        """Whether it is certain, but smaller than what is of interest."""
+        return self.weight < 1.0 and self.exact
 
 
 @dataclass(frozen=True)
@@ -146,7 +139,10 @@ def differences(old: Iterable[Number], new: Iterable[Number]) -> list[Difference
         size = abs(float(np.diff(pair.scaled)[0]))
         if math.isnan(size) or size > pair.round_off:
             weight = math.inf if math.isnan(size) else size / pair.interest
-            found.append(Difference(key, known.kind, known.unit, float(values[0]), float(values[1]), weight))
+            was, now = values.tolist()
+            found.append(
+                Difference(key=key, kind=known.kind, unit=known.unit, old=was, new=now, weight=weight)
+            )
     return sorted(found, key=lambda one: (-one.weight, one.key))
 
 
@@ -164,20 +160,7 @@ def turned(old: Mapping[str, Judged], new: Mapping[str, Judged]) -> list[Turned]
     return sorted(found, key=lambda one: (one.now != "FAIL", one.key))
 
 
-def in_words(kind: Kind, old: float, new: float) -> str:
-    """Two numbers in words: the first, the second, and by how much they differ."""
-    both = f"{old:.4g} -> {new:.4g}"
-    if not math.isfinite(new - old):
-        return both
-    if kind.logarithmic and 0.5 < abs(new / old if old else math.inf) < 2.0:
-        return f"{both} ({100 * (new / old - 1):+.3g} %)"
-    if kind.logarithmic and old:
-        return f"{both} (x {new / old:.3g})"
-    return f"{both} ({new - old:+.3g})"
-
-
-def direction(kind: Kind, size: float) -> str:
-    """ "worse" or "better", where a number of this kind changes by `size`; "other" where neither way is."""
+def _direction(kind: Kind, size: float) -> str:
     if math.isnan(size):  # it was asked for and could not be had
         return "worse"
     if kind.worse == 0 or size == 0:

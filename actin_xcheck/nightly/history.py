@@ -68,9 +68,7 @@ _LEAST = {Kind.ERROR: 1e-16, Kind.CLAIM: 1e-16, Kind.TIME: 1e-6, Kind.MEMORY: 1.
 """Below this, numbers on a logarithm are one: smaller errors are round-off, and 0 has no logarithm."""
 
 _INTEREST = {Kind.ERROR: math.log(2.0), Kind.CLAIM: math.log(2.0), Kind.ORDER: 0.1, Kind.RATE: 0.05}
-"""The smallest change of interest, on the number's scale; of a rate, in parts of its median size."""
-
-_INTEREST_OF_WORK = math.log(1.15)
+"""The smallest change of interest, on the number's scale, but of work; of a rate, in parts of its median."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ class Series:
     def interest(self) -> float:
         """The smallest change of interest, on that scale."""
         size = float(np.nanmedian(np.abs(self.values))) if self.kind is Kind.RATE else 1.0
-        return max(_INTEREST.get(self.kind, _INTEREST_OF_WORK) * size, self.round_off)
+        return max(_INTEREST.get(self.kind, math.log(1.15)) * size, self.round_off)
 
     @property
     def by_machine(self) -> list["Series"]:
@@ -258,9 +256,8 @@ def find_night(nights: Sequence[Counted], text: str) -> Counted:
     exact = [one for one in found if one.night.name == text]
     if len(exact or found) != 1:
         known = ", ".join(one.night.name for one in (found or nights)[-5:]) or "none"
-        raise UserError(
-            f"{text}: {'several nights begin' if found else 'no night begins'} so; such as {known}"
-        )
+        how = "several nights begin" if found else "no night begins"
+        raise UserError(f"{text}: {how} so; such as {known}")
     return (exact or found)[0]
 
 
@@ -329,12 +326,9 @@ def _prepare(rows: sqlite3.Connection, path: Path) -> None:
     _check(rows, path)
 
 
-def _header(rows: sqlite3.Connection) -> tuple[int, int]:
+def _header(rows: sqlite3.Connection) -> tuple[int, ...]:
     """Whose file it is, and the version of its tables."""
-    application, schema = (
-        rows.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
-    )
-    return application, schema
+    return tuple(rows.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
 
 
 def _bring_forward(rows: sqlite3.Connection, path: Path) -> None:
