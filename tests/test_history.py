@@ -129,27 +129,6 @@ def test_of_a_night_that_is_killed_nothing_is_left(tmp_path):
     assert sqlite3.connect(path).execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
-WRITER = """
-import sys
-import actin_xcheck
-from actin_xcheck.nightly.history import append
-from actin_xcheck.nightly.record import Kind, Night, Number
-for i in range(10):
-    numbers = [Number("k%d" % k, Kind.ERROR, 1.0) for k in range(300)]
-    append(sys.argv[1], Night("same", "2027-01-01", sys.argv[2], {}, "m"), numbers)
-"""
-
-
-def test_nights_written_at_once_all_get_in(tmp_path):
-    path = tmp_path / "new" / "h.sqlite"
-    writers = [subprocess.Popen([sys.executable, "-c", WRITER, str(path), who]) for who in "ab"]
-    assert [writer.wait() for writer in writers] == [0, 0]
-    nights = read_nights(path)
-    assert sorted(one.night.commit for one in nights) == ["a"] * 10 + ["b"] * 10
-    assert {one.numbers for one in nights} == {300}
-    assert len({one.night.name for one in nights}) == 20
-
-
 def many(path, number):
     return kept(path, number, **{f"k{i}": 1.0 for i in range(2000)})
 

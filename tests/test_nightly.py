@@ -13,11 +13,12 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import plan as plans
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import read_claims, read_nights, read_numbers
-from actin_xcheck.nightly.items import Costed
 from actin_xcheck.nightly.plan import KERNEL, Past, Plan, Wish, chosen, night_folder, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, read_night
 from actin_xcheck.runs.executor import executor
+from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import journal
+from actin_xcheck.studies.faults.checks import Compared
 from tests import nights
 from tests.lab import FEM, FV
 from tests.nights import Stub, only_night, start
@@ -50,13 +51,14 @@ def test_only_some_are_chosen_by_patterns_and_controls_bring_their_checks():
         chosen(plan, (), True, Past())
 
 
-def test_the_suite_has_all_parts_and_names_of_its_own():
+def test_the_suite_has_all_parts_names_of_its_own_and_scenes_that_are_shipped():
     plan = suite()
     names = [item.name for item in plan.items]
     assert len(set(names)) == len(names)
     assert len(plan.controls) > 50
     assert {item.method for item in plan.costs} >= {FEM, FV, "fv-order2", "fem-p4-imex4"}
-    assert isinstance(plan.costs[0], Costed)
+    checks = [item.check for item in plan.checks]
+    assert all(load_scene(one.scene).name == one.scene for one in checks if isinstance(one, Compared))
 
 
 def test_what_is_not_expected_to_fit_is_not_begun(night, tmp_path):
@@ -94,12 +96,13 @@ def test_a_check_that_breaks_down_is_red_and_the_night_goes_on(night, tmp_path, 
 
 
 def test_a_check_without_end_is_stopped_and_not_run(night, tmp_path, capsys):
-    assert night(Stub("endless", 0.01, lasts=60), Stub("fine", 0.02), patience=0.3) == 0
+    assert night(Stub("endless", 0.01, lasts=60), Stub("fine", 0.02), patience=0.5) == 0
     kept = only_night(tmp_path)
     assert [one.name for one in kept.done] == ["fine"]
-    why = "stopped after 0.3 s; 0.0 s had been expected"
-    assert [(one.name, one.why) for one in kept.left_out] == [("endless", why)]
-    assert f"NOT RUN endless: {why}" in capsys.readouterr().out
+    (left,) = kept.left_out
+    assert left.why == f"stopped after {left.seconds:.1f} s; 0.0 s had been expected"
+    assert 0.5 <= left.seconds < 5
+    assert f"NOT RUN endless: {left.why}" in capsys.readouterr().out
 
 
 def test_at_the_end_of_the_budget_what_runs_is_stopped_and_not_red(night, tmp_path):
@@ -120,7 +123,7 @@ def test_at_the_end_of_the_budget_what_runs_is_stopped_and_not_red(night, tmp_pa
 def test_seconds_go_with_the_reference_kernel(night, tmp_path):
     """Those of what was stopped and of what is guessed too: a busy night does not make the next one small."""
     stubs = Stub("over"), Stub("stopped", 0.1, lasts=60)
-    assert night(*stubs, patience=0.2) == 0
+    assert night(*stubs, patience=0.5) == 0
     (left,) = only_night(tmp_path).left_out
     (done,) = only_night(tmp_path).done
     for slower in (0.1, 8.0):
