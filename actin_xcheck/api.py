@@ -10,18 +10,21 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import make_folder, report_folder
 from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
-from actin_xcheck.runs.executor import jobs_asked
+from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity
-from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.method import find_methods
 from actin_xcheck.runs.numerics import Asked
-from actin_xcheck.runs.store import Comparison, Run, read_comparison, read_run
-from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.runs.store import Run, read_run
+from actin_xcheck.scene.scene import Scene, load_scene, load_scenes
 from actin_xcheck.studies import compare as comparison
-from actin_xcheck.studies.compare_page import write_report
-from actin_xcheck.studies.folder import make_folder, report_folder, report_in
-from actin_xcheck.studies.sweep.carry_out import carry_out, plan
+from actin_xcheck.studies.compare import Comparison
+from actin_xcheck.studies.compare_page import write_comparison_page
+from actin_xcheck.studies.study import at_work, carry_out
+from actin_xcheck.studies.sweep.carry_out import carry_out as carry_out_sweep
+from actin_xcheck.studies.sweep.carry_out import plan
 from actin_xcheck.studies.sweep.table import SweepTable
 
 __all__ = ["cross_check", "load", "render", "run", "sweep"]
@@ -83,6 +86,8 @@ def cross_check(
     dt: float | None = None,
     rtol: float | None = None,
     out: str | Path | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
 ) -> Comparison:
     """Hold methods against theory, exact solutions and each other, as the command `compare` does.
 
@@ -91,23 +96,22 @@ def cross_check(
     scenes : shipped names or paths of TOML files.
     methods : names out of `actin_xcheck.runs.method.METHODS`.
     refine, dt, rtol : as for `run`; `rtol` for the adaptive methods among them.
-    out : a new folder for runs and report; else `reports/compare-<date>`.
+    out : folder for runs and report, which goes on with what lies there; else `reports/compare-<date>`.
+    jobs, scheduler : as for `sweep`.
 
     Returns
     -------
     The comparison: `claims`, each with `value`, `bound` and `holds`, and `runs` by "scene/method".
     """
     wanted = [scenes] if isinstance(scenes, str | Path) else scenes
-    chosen = [find_method(name) for name in methods]
-    folder = report_folder(None if out is None else Path(out), "compare")
-    file = folder / comparison.FILE_NAME
-    if file.exists():
-        raise UserError(f"out: {folder} holds a comparison already; valid: another folder")
-    jobs = comparison.jobs_of([load_scene(one) for one in wanted], chosen, refine, dt, rtol)
-    with report_in(folder, file.name, "a comparison", force=False):
-        comparison.compare(jobs, folder, "actin_xcheck.cross_check")
-        write_report(folder)
-    return read_comparison(file)
+    processes_asked = jobs_asked(jobs, scheduler)
+    runs_asked = comparison.jobs_of(load_scenes(wanted), find_methods(methods), refine, dt, rtol)
+    folder = make_folder(report_folder(None if out is None else Path(out), "compare"))
+    with at_work(folder), executor(processes_asked, scheduler) as processes:
+        study = comparison.compare(runs_asked)
+        carry_out("compare", study, folder, "actin_xcheck.cross_check", processes, lambda *told: None)
+        write_comparison_page(folder / comparison.FILE_NAME)
+    return comparison.read_comparison(folder / comparison.FILE_NAME)
 
 
 def sweep(
@@ -141,7 +145,7 @@ def sweep(
     names = [methods] if isinstance(methods, str) else list(methods)
     asked = Asked(names[0], refine, dt, rtol, _fidelity(fidelity))
     planned = plan(Path(file), names, asked, make_folder(Path(out)), "actin_xcheck.sweep")
-    table, _ = carry_out(planned, processes, scheduler, lambda label, done, total: None)
+    table, _ = carry_out_sweep(planned, processes, scheduler, lambda label, done, total: None)
     return table
 
 

@@ -10,10 +10,10 @@ from actin_xcheck.report.exhibits import Chapter, Line, Picture, Plot, Sheet
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import provenance, write_comparison
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.study import Report, write_report
 from tests.claims import claim
+from tests.studies import write_comparison
 
 
 @functools.cache
@@ -35,9 +35,7 @@ def _comparison(folder: Path) -> Path:
     path.parent.mkdir()
     run(scene, Numerics(METHODS["fem-p1-paper"], 1, 0.25), path)
     made = claim("conserves", 1e-15, 1e-12, scene=scene.name, methods=("fem-p1-paper",))
-    attributes = {"command": "compare", **provenance()}
-    write_comparison(folder / "comparison.h5", [made], {f"{scene.name}/fem-p1-paper": path}, attributes)
-    return folder / "comparison.h5"
+    return write_comparison(folder, [made], {f"{scene.name}/fem-p1-paper": path})
 
 
 def _study(folder: Path) -> Path:

@@ -17,7 +17,7 @@ from actin_xcheck.nightly import carry_out as work
 from actin_xcheck.nightly.items import NotDecided
 from actin_xcheck.nightly.plan import KERNEL, Plan, Wish
 from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, Number, read_night
-from actin_xcheck.runs.workers import in_turn as in_this_process
+from actin_xcheck.runs.executor import in_turn as in_this_process
 from tests.claims import claim
 from tests.processes import in_turn
 from tests.studies import here

@@ -8,15 +8,16 @@ import pytest
 from actin_xcheck import cross_check
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.runs.accuracy import LEVELS
+from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
 from actin_xcheck.studies.audit.study import ROWS, paper
 from actin_xcheck.studies.chart.study import chart
 from actin_xcheck.studies.closures.study import closures
-from actin_xcheck.studies.compare_page import write_report as write_comparison_page
+from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
+from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.distort.study import distort
@@ -51,7 +52,7 @@ def _comparison(folder, monkeypatch):
 
 def _curves(folder, monkeypatch):
     write_comparison_of_everything(folder, refine=2)
-    return write_comparison_page(folder)
+    return write_comparison_page(folder / COMPARISON)
 
 
 def _chart(folder, monkeypatch):

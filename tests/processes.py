@@ -17,6 +17,8 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs kills, limits or li
 class InTurn:
     """Processes without processes."""
 
+    workers = 1
+
     def results(self, work, tasks):
         yield from ((number, work(task)) for number, task in enumerate(tasks))
 

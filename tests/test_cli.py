@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
+from actin_xcheck.core import files as folders
+from actin_xcheck.core.files import report_folder
 from actin_xcheck.runs.executor import cores, jobs_asked
 from actin_xcheck.scene.shelf import scene_text
-from actin_xcheck.studies import folder as folders
-from actin_xcheck.studies.folder import report_folder
 from tests.processes import posix
 
 SERIES = {
@@ -162,7 +162,7 @@ def test_compare_writes_one_folder_and_report_makes_the_page_again(tmp_path):
     done = cli("compare", "growing-disk", "--refine", 3, "--dt", 0.05, "--out", "c", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "claims hold; report: c/index.html" in done.stdout
-    names = {"comparison.h5", "index.html"} | {
+    names = {"compare.h5", "index.html", "journal.sqlite"} | {
         f"growing-disk--{m}{coarser}.vtkhdf"
         for m in ("fem-p1-paper", "fv-coupled")
         for coarser in ("", "--coarser-1", "--coarser-2")
@@ -172,7 +172,7 @@ def test_compare_writes_one_folder_and_report_makes_the_page_again(tmp_path):
     (tmp_path / "c").rename(tmp_path / "moved")
     assert cli("report", "moved", cwd=tmp_path).returncode == 0
     assert (tmp_path / "moved/index.html").read_bytes() == page
-    one_line(cli("compare", "growing-disk", "--out", "moved", cwd=tmp_path), "moved", "--force")
+    one_line(cli("converge", "growing-disk", "--out", "moved", cwd=tmp_path), "moved", "--force")
 
 
 def test_compare_exits_1_where_a_claim_fails(tmp_path):

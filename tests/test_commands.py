@@ -11,22 +11,23 @@ from actin_xcheck.core.model import Closure
 from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import read_night
 from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_comparison, read_run, reading
-from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.audit.study import Entry
+from actin_xcheck.studies.checks import SUITE, Reduced, Studied, Tolerated
 from actin_xcheck.studies.closures.refinement import Course, follow
 from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
 from actin_xcheck.studies.distort.measure import answer_of
 from actin_xcheck.studies.extremes.plan import trials
-from actin_xcheck.studies.faults.checks import SUITE, Reduced, Studied, Tolerated
+from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import judge
 from tests.lab import FEM, FV
 
@@ -65,12 +66,11 @@ def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path,
     loaded = [load_scene(name) for name in scenes]
     (tmp_path / "c").mkdir()
     jobs = comparison.jobs_of(loaded, [METHODS[one] for one in methods], refine, dt, rtol)
-    with in_turn():
-        claims = comparison.compare(jobs, tmp_path / "c", "")
+    claims = carry_out_here("compare", comparison.compare(jobs), tmp_path / "c", "").claims
     found = {}
     for number, line in enumerate(dict.fromkeys(claim.command for claim in claims)):
         typed(line, "--out", str(number), "--quiet")
-        found[line] = read_comparison(tmp_path / str(number) / "comparison.h5").claims
+        found[line] = comparison.read_comparison(tmp_path / str(number) / comparison.FILE_NAME).claims
     for claim in claims:
         (again,) = (one for one in found[claim.command] if one.key == claim.key)
         assert np.array_equal([again.value, again.bound], [claim.value, claim.bound], equal_nan=True)
@@ -120,7 +120,7 @@ def test_claims_of_the_checks_are_made_again_by_their_commands(check, tmp_path, 
         wanted = [(one.value, one.bound) for one in claims if one.command == line]
         typed(line, "--out", str(number), "--quiet")
         if shlex.split(line)[3] == "compare":
-            made = read_comparison(tmp_path / str(number) / "comparison.h5").claims
+            made = comparison.read_comparison(tmp_path / str(number) / comparison.FILE_NAME).claims
         else:
             made = next(read_night(path.parent) for path in tmp_path.rglob("night.jsonl")).claims
         assert set(wanted) <= {(one.value, one.bound) for one in made}

@@ -27,7 +27,8 @@ from actin_xcheck.nightly.record import (
     write_night,
 )
 from actin_xcheck.runs.executor import Lost
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
+from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints
 from tests.claims import claim
 from tests.lab import FEM, FV
@@ -43,7 +44,7 @@ CHECKS = (
 
 def done(check: str, night: int, slope: float) -> Done:
     """A check with a claim about conservation, one that fails in the last night, and one without a bound."""
-    file = f"checks/{check[:7]}/comparison.h5"
+    file = f"checks/{check[:7]}/compare.h5"
     rough = 2.0 if night == NIGHTS - 1 and check == CHECKS[1] else 0.5
     claims = (
         claim(
@@ -160,7 +161,7 @@ def test_scenes_are_a_click_from_night_and_dashboard(reports: Path, last: Path, 
     night = tmp_path / last.parent.name
     (night / "checks").mkdir()
     write_comparison_of_everything(night / "checks", refine=2)
-    write_report(night / "checks")
+    write_comparison_page(night / "checks" / COMPARISON)
     (tmp_path / "chart-1").mkdir()
     for name in ("chart.h5", "index.html"):
         (tmp_path / "chart-1" / name).touch()
@@ -265,7 +266,7 @@ def test_from_a_red_light_to_its_number_with_the_keyboard(tab: Page, reports: Pa
     assert tab.evaluate(f"{opened}.open")
     text = tab.evaluate(f"{opened}.innerText")
     assert "again & again" in text
-    assert "comparison.h5 /studies/y" in " ".join(text.split())
+    assert "compare.h5 /studies/y" in " ".join(text.split())
     tab.click("tr.claim[data-state=pass] summary")
     assert tab.evaluate("document.querySelector('tr.claim[data-state=pass] details').open")
 

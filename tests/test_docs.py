@@ -85,7 +85,7 @@ def test_a_page_has_only_blocks_that_are_tested(path):
         ("model", [*Closure, *Delta, *Rheology]),
         ("methods", [name for name in METHODS if name.startswith("fv")]),
         ("scene", [*tables_of(Scene), *tables_of(Expect), *tables_of(Reference)]),
-        ("files", [*STORED, "comparison.h5", *SERIES]),
+        ("files", [*STORED, "compare.h5", *SERIES]),
         ("reports", [*Ending, *Verdict, "NOT JUDGED"]),
     ],
 )

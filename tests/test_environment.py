@@ -141,7 +141,7 @@ def worked(place: Path, around: dict[str, str]) -> dict[str, dict[str, bytes | s
         done = say(place, around, *words)
         assert done.returncode == 0, done
         assert "Traceback" not in done.stderr
-    files = [*(place / "c").glob("*.vtkhdf"), place / "c/comparison.h5", *(place / "s/runs").glob("*.vtkhdf")]
+    files = [*(place / "c").glob("*.vtkhdf"), place / "c/compare.h5", *(place / "s/runs").glob("*.vtkhdf")]
     return {file.name: numbers(file) for file in files}
 
 

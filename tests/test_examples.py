@@ -15,20 +15,19 @@ from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
-from actin_xcheck.runs.store import read_comparison, read_run
-from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.converge.plan import refinements_of
 from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of
 from actin_xcheck.studies.distort.measure import answer_of
 from actin_xcheck.studies.frontier.limits import AMPLITUDE, lines_of, theory_chapter
 from actin_xcheck.studies.frontier.planes import plane_of
+from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import l2_error
 from actin_xcheck.verdicts.orders import Verdict
-from actin_xcheck.verdicts.triangulate import read_triangles
 from tests import test_contract
 from tests.lab import error_against, film_of, local_orders, play, scene_of
 from tests.studies import carry
@@ -221,8 +220,7 @@ def twins(toy):
 
 def compared(folder, methods, scene="growing-disk"):
     jobs = comparison.jobs_of([load_scene(scene)], methods, 3, 0.05)
-    with in_turn():
-        return comparison.compare(jobs, folder, "")
+    return carry_out_here("compare", comparison.compare(jobs), folder, "").claims
 
 
 def agreements(claims):
@@ -234,7 +232,7 @@ def test_a_method_is_held_against_every_other_code_and_not_against_its_own(toy, 
     claims = compared(tmp_path, [*twins, *map(find_method, ours)])
     pairs = {(one, other) for one in MISLEADING for other in ours} | {ours}
     assert {frozenset(pair) for pair in agreements(claims)} == {frozenset(pair) for pair in pairs}
-    triangles = read_triangles(tmp_path / "comparison.h5")
+    triangles = comparison.read_comparison(tmp_path / comparison.FILE_NAME).triangles
     assert {frozenset(one.methods) for one in triangles} == {frozenset(pair) for pair in pairs}
     assert {one.verdict for one in triangles} == {"PASS"}
     assert {claim.verdict for claim in claims} == {"PASS"}
@@ -246,13 +244,13 @@ def test_a_method_is_held_against_every_other_code_and_not_against_its_own(toy, 
 def test_two_methods_of_one_package_are_one_code(twins, tmp_path):
     """Nothing is held against anything, so that nothing runs beside."""
     assert agreements(compared(tmp_path, twins)) == set()
-    assert read_triangles(tmp_path / "comparison.h5") == []
+    assert comparison.read_comparison(tmp_path / comparison.FILE_NAME).triangles == ()
     assert not list(tmp_path.glob("*--coarser-*"))
 
 
 def test_a_page_reads_from_the_files_whose_code_made_a_run(twins, tmp_path):
     compared(tmp_path, [*twins, METHODS["fem-p1-imex2"]])
-    runs = list(read_comparison(tmp_path / "comparison.h5").runs.values())
+    runs = list(comparison.read_comparison(tmp_path / comparison.FILE_NAME).runs.values())
     assert {run.attributes["method_name"]: run.family for run in runs} == {
         "fem-p1-plug": "toy_method",
         "fv-plug": "toy_method",
@@ -262,7 +260,7 @@ def test_a_page_reads_from_the_files_whose_code_made_a_run(twins, tmp_path):
     assert differences == [f"{name} − fem-p1-imex2" for name in MISLEADING]
     older = [dataclasses.replace(run, attributes=without(run.attributes, "family")) for run in runs]
     assert [run.family for run in older] == [run.family for run in runs]  # by the solver that they state
-    assert write_report(tmp_path).exists()
+    assert write_comparison_page(tmp_path / comparison.FILE_NAME).exists()
 
 
 def without(attributes, name):

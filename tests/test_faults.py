@@ -10,18 +10,18 @@ import pytest
 
 from actin_xcheck.cli.app import main, report_command
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.executor import executor
+from actin_xcheck.runs.executor import executor, in_turn
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.runs.workers import in_turn, work_off
+from actin_xcheck.runs.workers import work_off
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.checks import SUITE, Compared, Reduced
 from actin_xcheck.studies.faults import hunt as hunting
 from actin_xcheck.studies.faults.catalogue import FAULTS as CATALOGUE
 from actin_xcheck.studies.faults.catalogue import find_faults
-from actin_xcheck.studies.faults.checks import Compared, Reduced
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
 from actin_xcheck.studies.faults.hunt import control, hunt, missed
 from actin_xcheck.verdicts.judge import judge
@@ -251,7 +251,7 @@ def test_an_unknown_fault_is_a_mistake():
 
 @pytest.mark.parametrize(("fault", "code"), [(CATALOGUE["fv-leak"], 0), (NOTHING, 1)])
 def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(hunting, "hunt", lambda faults: hunt([fault], [STILL]))
+    monkeypatch.setattr(hunting, "hunt", lambda faults, suite: hunt([fault], [STILL]))
     monkeypatch.setattr("sys.argv", ["actin_xcheck", "faults", "--quiet", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -274,5 +274,5 @@ def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path
 def test_every_fault_is_caught(tmp_path):
     """About five minutes on two cores."""
     with executor(2) as processes:
-        report = carry(tmp_path, hunt(list(CATALOGUE.values())), processes)
+        report = carry(tmp_path, hunt(list(CATALOGUE.values()), SUITE), processes)
     assert [claim.sentence for claim in report.claims if not claim.holds] == []

@@ -12,8 +12,9 @@ from playwright.sync_api import Page
 
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.report.player import STEPS, _Store, film_data
-from actin_xcheck.runs.store import Run, read_comparison
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.runs.store import Run
+from actin_xcheck.studies.compare import FILE_NAME, read_comparison
+from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints
 from tests.test_report import SCRIPT, TIMES, write_comparison_of_everything
 
@@ -25,7 +26,7 @@ LAST = "[...document.querySelectorAll('.player')].at(-1)"
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("film")
     write_comparison_of_everything(folder, refine=2)
-    return write_report(folder)
+    return write_comparison_page(folder / FILE_NAME)
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def film(tab: Page, page: Path) -> Page:
 
 def runs_of(page: Path, scene: str) -> list[Run]:
     """FEM first, as on the page."""
-    runs = [run for key, run in read_comparison(page.parent / "comparison.h5").runs.items() if scene in key]
+    runs = [run for key, run in read_comparison(page.parent / FILE_NAME).runs.items() if scene in key]
     return sorted(runs, key=lambda run: not run.attributes["method_name"].startswith("fem"))
 
 
@@ -241,4 +242,4 @@ def test_everything_that_can_be_used_has_a_name(film: Page) -> None:
 @pytest.mark.slow
 def test_a_comparison_on_the_articles_mesh_is_light(tmp_path: Path) -> None:
     write_comparison_of_everything(tmp_path, refine=5)
-    assert write_report(tmp_path).stat().st_size < 5_000_000
+    assert write_comparison_page(tmp_path / FILE_NAME).stat().st_size < 5_000_000

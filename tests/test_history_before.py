@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import pytest
 
+from actin_xcheck.cli.app import report_command
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.unnamed import claim_of
@@ -20,10 +21,11 @@ from actin_xcheck.nightly.items import Group, group_of
 from actin_xcheck.nightly.plan import past
 from actin_xcheck.nightly.record import FILE_NAME, Done, read_night
 from actin_xcheck.runs.records import write_table
-from actin_xcheck.runs.store import read_comparison, write_comparison
-from actin_xcheck.runs.workers import in_turn
-from actin_xcheck.studies.faults.checks import Compared
-from actin_xcheck.studies.page import _claims
+from actin_xcheck.runs.store import writing
+from actin_xcheck.studies.checks import Compared
+from actin_xcheck.studies.journal import Journal
+from actin_xcheck.studies.study import begin_anew
+from actin_xcheck.studies.study import read_claims as claims_in
 from tests import nights
 from tests.claims import claim
 from tests.histories import night
@@ -120,8 +122,7 @@ def test_keys_are_those_that_claims_have_now(old, tmp_path):
     }
     diluted = [one.claim for one in judged if one.claim.kind is ClaimKind.GEOMETRY]
     assert {one.scene for one in diluted} == {"uniform-dilution"}
-    with in_turn():
-        now = Compared("static-decay", (FEM, FV), 3, 5).claims(tmp_path)
+    now = Compared("static-decay", (FEM, FV), 3, 5).claims(tmp_path)
     assert {one.key for one in now} == {
         one.claim.key for one in judged if one.check == STATIC and one.claim.methods
     }
@@ -192,19 +193,23 @@ AREA = claim(
 )
 
 
-def test_a_comparison_of_before_is_opened(tmp_path):
-    write_comparison(tmp_path / "comparison.h5", [AREA], {}, {"commit": "abc"})
-    with h5py.File(tmp_path / "comparison.h5", "r+", libver=("v108", "v110")) as file:
-        stated = file["claims/000"].attrs
-        del stated["kind"], stated["quantity"]
-    assert read_comparison(tmp_path / "comparison.h5").claims == (AREA,)
+def test_a_comparison_of_before_is_refused_with_what_makes_it_again(tmp_path):
+    with writing(tmp_path / "comparison.h5", {"command": "python -m actin_xcheck compare stirred"}):
+        pass
+    said = r"of an earlier version; valid: python -m actin_xcheck compare stirred, with --force"
+    with pytest.raises(UserError, match=said):
+        report_command(tmp_path)
+    with pytest.raises(UserError, match=r"holds comparison\.h5 already; valid: another folder, or --force"):
+        Journal(tmp_path, "compare")
+    begin_anew(tmp_path)
+    Journal(tmp_path, "compare")
 
 
 def test_the_report_of_a_study_of_before_has_its_claims(tmp_path):
     with h5py.File(tmp_path / "study.h5", "w") as file:
         write_table(file.create_group("claims"), [AREA, claim("all is well")])
         del file["claims/kind"], file["claims/quantity"]
-        named, unknown = _claims(file["claims"])
+        named, unknown = claims_in(file)
     assert named == AREA
     assert (unknown.kind, unknown.quantity) == (ClaimKind.OTHER, "all is well")  # apart from others
 

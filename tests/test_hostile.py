@@ -15,15 +15,15 @@ from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Line, Plot, Sheet
-from actin_xcheck.runs.store import write_comparison
 from actin_xcheck.scene.expression import MAX_CALLS, Expression, coordinates
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.scene.shelf import MAX_SIZE
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.claims import claim
 from tests.hostile import MEGABYTES, campaign, summary
 from tests.hostile_inputs import DOCUMENTS, NAMES, SMALL, TAGS, formula
 from tests.processes import posix
+from tests.studies import write_comparison
 from tests.test_report import SCENE, write_run
 
 PLANE = ("x", "y", "r", "theta")
@@ -188,9 +188,8 @@ def _page_with(tag: str, folder: Path) -> str:
     write_run(path, "a-scene", method, refine=1, outcome=outcome)
     said = {"command": f"compare {tag}", "path": f"/runs/{tag}", "note": tag, "quantity": tag}
     made = claim(tag, 1.0, 2.0, scene="a-scene", methods=(method,), **said)
-    stated = {"command": f"python {tag}", "commit": tag}
-    write_comparison(folder / "comparison.h5", [made], {"a-scene/m": path}, stated)
-    return write_report(folder).read_text(encoding="utf-8")
+    file = write_comparison(folder, [made], {"a-scene/m": path}, f"python {tag}")
+    return write_comparison_page(file).read_text(encoding="utf-8")
 
 
 def test_hostile_words_make_no_markup_in_a_comparison(tmp_path, monkeypatch):

@@ -22,10 +22,12 @@ from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import RunWriter, read_run, write_comparison
+from actin_xcheck.runs.store import RunWriter, read_run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare import FILE_NAME
+from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints
+from tests.studies import write_comparison
 
 SCRIPT = "<script>console.error('injected')<"  # no slash: it is part of an HDF5 path
 TIMES = (0.0, 0.05, 0.1, 0.13, 0.1636)
@@ -137,8 +139,7 @@ def write_comparison_of_everything(folder: Path, refine: int = 3) -> list[Claim]
             claim(SCRIPT, "fem-p1-paper", "FEM and FV agree", 1e-5), methods=("fem-p1-paper", "fv-driven")
         ),
     ]
-    attributes = {"command": "python -m actin_xcheck compare", "commit": "c0ffee" * 6}
-    write_comparison(folder / "comparison.h5", claims, files, attributes)
+    write_comparison(folder, claims, files)
     return claims
 
 
@@ -183,14 +184,14 @@ class Tags(HTMLParser):
 def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Claim]]:
     folder = tmp_path_factory.mktemp("report")
     claims = write_comparison_of_everything(folder)
-    return write_report(folder), claims
+    return write_comparison_page(folder / FILE_NAME), claims
 
 
 def test_a_page_is_drawn_as_ever_in_whatever_style_is_the_users(reported: tuple[Path, list[Claim]]) -> None:
     page, _ = reported
     before = page.read_bytes()
     with mpl.rc_context(ANOTHER_STYLE):
-        assert write_report(page.parent).read_bytes() == before
+        assert write_comparison_page(page.parent / FILE_NAME).read_bytes() == before
         assert mpl.rcParams["font.size"] == 30  # and is theirs again
 
 
@@ -277,13 +278,13 @@ def test_links_lead_to_the_runs_beside_the_page(reported: tuple[Path, list[Claim
 
 def test_the_same_files_give_the_same_page(tmp_path: Path) -> None:
     write_comparison_of_everything(tmp_path, refine=2)
-    once = write_report(tmp_path).read_bytes()
-    assert write_report(tmp_path).read_bytes() == once
+    once = write_comparison_page(tmp_path / FILE_NAME).read_bytes()
+    assert write_comparison_page(tmp_path / FILE_NAME).read_bytes() == once
 
 
 def test_a_folder_without_a_comparison_is_the_users_mistake(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"comparison\.h5: no such file"):
-        write_report(tmp_path)
+    with pytest.raises(UserError, match=r"compare\.h5: no such file"):
+        write_comparison_page(tmp_path / FILE_NAME)
     assert not list(tmp_path.iterdir())
 
 

@@ -32,14 +32,14 @@ from actin_xcheck.runs.store import (
     RunWriter,
     annotate,
     provenance,
-    read_comparison,
     read_run,
-    write_comparison,
 )
 from actin_xcheck.runs.vtkhdf import Film
+from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from tests.claims import claim
 from tests.lab import scene_of
 from tests.processes import posix
+from tests.studies import write_comparison
 
 TIMES = (0.0, 0.25, 1.0)
 ATTRIBUTES = {name: f"some {name}" for name in RUN_ATTRIBUTES} | {"refine": 2, "dt": 0.25, "seed": 7}
@@ -365,26 +365,26 @@ def test_a_comparison_is_read_back_after_its_folder_moved(tmp_path: Path, mesh: 
     for path in paths.values():
         write(path, mesh)
     failed = claim("Never.", float("nan"), scene="alpha", methods=("fem-p1",))
-    write_comparison(folder / "comparison.h5", [CLAIM, failed], paths, {"commit": "abc"})
+    write_comparison(folder, [CLAIM, failed], paths, "again")
     folder.rename(tmp_path / "two")
 
-    comparison = read_comparison(tmp_path / "two" / "comparison.h5")
+    comparison = read_comparison(tmp_path / "two" / FILE_NAME)
     assert comparison.claims[0] == CLAIM
     assert [claim.verdict for claim in comparison.claims] == ["PASS", "FAIL"]
-    assert comparison.attributes["commit"] == "abc"
+    assert comparison.attributes["command"] == "again"
     assert list(comparison.runs) == list(paths)  # in the order given
     assert comparison.runs["zeta/fem-p1"].path.parent == tmp_path / "two" / "runs"
-    with h5py.File(tmp_path / "two" / "comparison.h5") as file:  # the links are HDF5's own
+    with h5py.File(tmp_path / "two" / FILE_NAME) as file:  # the links are HDF5's own
         np.testing.assert_array_equal(file["runs/alpha/fem-p1/run/series/time"], np.arange(600))
     assert not list(tmp_path.rglob("*.partial.*"))
 
 
 def test_a_comparison_without_one_of_its_runs_is_refused(tmp_path: Path, mesh: Mesh) -> None:
     write(tmp_path / "run.vtkhdf", mesh)
-    write_comparison(tmp_path / "comparison.h5", [], {"s/m": tmp_path / "run.vtkhdf"}, {})
+    write_comparison(tmp_path, [], {"s/m": tmp_path / "run.vtkhdf"})
     (tmp_path / "run.vtkhdf").unlink()
     with pytest.raises(UserError, match=r"run\.vtkhdf: no such file"):
-        read_comparison(tmp_path / "comparison.h5")
+        read_comparison(tmp_path / FILE_NAME)
 
 
 @pytest.mark.parametrize(
@@ -401,12 +401,12 @@ def test_a_file_is_read_without_a_lock(tmp_path: Path, mesh: Mesh) -> None:
     import fcntl
 
     write(tmp_path / "run.vtkhdf", mesh)
-    write_comparison(tmp_path / "comparison.h5", [CLAIM], {"s/m": tmp_path / "run.vtkhdf"}, {})
-    with (tmp_path / "run.vtkhdf").open("r+b") as run, (tmp_path / "comparison.h5").open("r+b") as comparison:
+    file = write_comparison(tmp_path, [CLAIM], {"s/m": tmp_path / "run.vtkhdf"})
+    with (tmp_path / "run.vtkhdf").open("r+b") as run, file.open("r+b") as comparison:
         for held in (run, comparison):
             fcntl.flock(held, fcntl.LOCK_EX)
         annotate(tmp_path / "run.vtkhdf", {"more": 1})
-        (found,) = read_comparison(tmp_path / "comparison.h5").runs.values()
+        (found,) = read_comparison(file).runs.values()
     assert found.attributes["more"] == 1
 
 

@@ -187,14 +187,16 @@ def test_a_cross_check_is_the_commands(tmp_path: Path) -> None:
     assert all(claim.holds for claim in found.claims if claim.judged)
     assert set(found.runs) == {"static-decay/fem-p1-paper", "static-decay/fv-coupled"}
     assert (tmp_path / "c" / "index.html").exists()
-    with pytest.raises(UserError, match="another folder"):
-        actin_xcheck.cross_check("static-decay", out=tmp_path / "c")
+    made = [path.stat().st_mtime_ns for path in (tmp_path / "c").glob("*.vtkhdf")]
+    again = actin_xcheck.cross_check("static-decay", refine=2, dt=0.05, out=tmp_path / "c")
+    assert again.claims == found.claims
+    assert [path.stat().st_mtime_ns for path in (tmp_path / "c").glob("*.vtkhdf")] == made
 
 
 def test_a_cross_check_waits_for_nobody(tmp_path: Path) -> None:
     with (
-        locked(tmp_path / "comparison.h5"),
-        pytest.raises(UserError, match=r"comparison.h5: another process is writing it"),
+        locked(tmp_path / "journal.sqlite"),
+        pytest.raises(UserError, match=r"journal.sqlite: another process is writing it"),
     ):
         actin_xcheck.cross_check("static-decay", out=tmp_path)
 
@@ -211,7 +213,7 @@ def test_a_sweep_by_a_scheduler_has_no_jobs_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "file", "held"),
     [
-        (("compare", "static-decay"), "comparison.h5", "comparison.h5"),
+        (("compare", "static-decay"), "compare.h5", "journal.sqlite"),
         (("faults", "--only", "fv-leak"), "faults.h5", "journal.sqlite"),
         (("extremes",), "extremes.h5", "journal.sqlite"),
         (("predict", "report"), "predict.h5", "journal.sqlite"),

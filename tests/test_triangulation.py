@@ -11,19 +11,19 @@ from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_comparison, read_run
-from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import scene_text
-from actin_xcheck.studies.compare import companions, compare, jobs_of
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare import FILE_NAME, companions, compare, jobs_of, read_comparison
+from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.known import known
-from actin_xcheck.verdicts.triangulate import Corner, Levels, estimate, read_triangles, triangulate, verdict
+from actin_xcheck.verdicts.triangulate import Corner, Levels, estimate, triangulate, verdict
 from actin_xcheck.verdicts.uncertainty import uncertainty
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
+from tests.studies import carry
 
 AT = {
     "growing-disk": (3, 32),
@@ -381,13 +381,14 @@ def test_runs_that_fail_are_compared_as_far_as_both_came(outputs, verdicts, tmp_
 def test_a_comparison_keeps_its_triangles_and_shows_them_from_files_alone(tmp_path):
     scene = load_scene("static-decay")
     jobs = jobs_of([scene], [METHODS[FEM], METHODS[FV]], 3, 0.05)
-    with in_turn():
-        claims = compare(jobs, tmp_path, "the command")
-    stored = read_triangles(tmp_path / "comparison.h5")
+    claims = carry(tmp_path, compare(jobs), name="compare").claims
+    kept = read_comparison(tmp_path / FILE_NAME)
+    stored = kept.triangles
+    assert kept.claims == claims
     assert [one.quantity for one in stored] == ["area", "total_actin", "probe_a", "probe_x"]
     of_triangles = [claim for claim in claims if claim.kind is ClaimKind.TRIANGLE]
     assert [one.claim(claim.command) for one, claim in zip(stored, of_triangles, strict=True)] == of_triangles
-    assert read_comparison(tmp_path / "comparison.h5").runs.keys() == {f"static-decay/{m}" for m in (FEM, FV)}
-    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert kept.runs.keys() == {f"static-decay/{m}" for m in (FEM, FV)}
+    page = write_comparison_page(kept.path).read_text(encoding="utf-8")
     assert page.count("all three agree") == 2 * len(stored)  # as a claim and beside its picture
     assert page.count('figure class="exhibit plot"') == len(stored)

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 import typer
 
-from actin_xcheck.cli.compare import compare_command
+from actin_xcheck.cli.studies import compare
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.runs.workers import in_turn
 from actin_xcheck.scene.scene import parse_scene
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare import FILE_NAME, read_comparison
+from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.converge.plan import final
 from actin_xcheck.verdicts.judge import judge, reference_errors
 from actin_xcheck.verdicts.known import known
-from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
 from actin_xcheck.verdicts.triangulate import Levels, triangulate
 from tests.claims import claim
 from tests.lab import FEM, FV
@@ -129,19 +128,19 @@ def test_a_reference_is_known_to_the_digits_it_is_printed_with(area, unit):
 
 
 def compared(folder, capsys, *words, **options):
-    with in_turn(), pytest.raises(typer.Exit) as ended:
-        compare_command(list(words), out_dir=folder, quiet=True, **options)
+    with pytest.raises(typer.Exit) as ended:
+        compare(scenes=list(words), out_dir=folder, quiet=True, **options)
     assert ended.value.exit_code == 0
     return capsys.readouterr().out, Tags(folder / "index.html")
 
 
 def test_a_run_that_is_far_off_is_no_success_though_all_its_claims_hold(tmp_path, capsys):
-    said, page = compared(tmp_path, capsys, "fig14-four-fronts", method=[FEM], refine=2, dt=0.01)
-    found = read_known_to(tmp_path / "comparison.h5")["fig14-four-fronts"]
+    said, page = compared(tmp_path, capsys, "fig14-four-fronts", methods=[FEM], refine=2, dt=0.01)
+    (found,) = read_comparison(tmp_path / FILE_NAME).known
     area = read_run(tmp_path / f"fig14-four-fronts--{FEM}.vtkhdf").series["area"][-1]
-    assert found["area"] == pytest.approx(abs(area - 3.6451677458) / area, rel=1e-6)
-    assert found["area"] > 0.05
-    words = f"fig14-four-fronts: area known to {100 * found['area']:.2g} %, total actin known to 2.9 %"
+    assert found.area == pytest.approx(abs(area - 3.6451677458) / area, rel=1e-6)
+    assert found.area > 0.05
+    words = f"fig14-four-fronts: area known to {100 * found.area:.2g} %, total actin known to 2.9 %"
     assert f"{words}\n6 of 6 claims hold" in said
     assert words in " ".join(page.text.split())
     assert page.attributes("h1", "class") == ["unsure"]
@@ -149,14 +148,15 @@ def test_a_run_that_is_far_off_is_no_success_though_all_its_claims_hold(tmp_path
 
 def test_two_codes_that_know_it_well_are_one(tmp_path, capsys):
     said, page = compared(tmp_path, capsys, "static-decay", refine=4, dt=0.05)
-    found = read_known_to(tmp_path / "comparison.h5")["static-decay"]
-    assert is_well(found)
-    assert in_words(found) in said
+    (found,) = read_comparison(tmp_path / FILE_NAME).known
+    assert found.is_well
+    assert found.sentence in said
     assert page.attributes("h1", "class") == ["pass"]
 
 
 def test_one_code_without_theory_knows_nothing(tmp_path, capsys):
-    said, page = compared(tmp_path, capsys, "smooth-fronts", method=[FEM], refine=2, dt=0.02)
+    said, page = compared(tmp_path, capsys, "smooth-fronts", methods=[FEM], refine=2, dt=0.02)
     assert "smooth-fronts: area not known, total actin not known\n" in said
     assert page.attributes("h1", "class") == ["unsure"]
-    assert write_report(tmp_path) == tmp_path / "index.html"  # again, from the files alone
+    again = write_comparison_page(tmp_path / FILE_NAME)  # from the files alone
+    assert again == tmp_path / "index.html"

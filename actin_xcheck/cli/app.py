@@ -11,7 +11,6 @@ from typing import NoReturn
 import typer
 
 from actin_xcheck.cli import predict, studies
-from actin_xcheck.cli.compare import compare_command
 from actin_xcheck.cli.conduct import page_of
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
@@ -33,7 +32,7 @@ app = typer.Typer(
 scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped scenes, or show one.")
 app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
-app.command("compare")(compare_command)
+app.command("compare")(studies.compare)
 app.command("run")(run_command)
 app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
@@ -99,13 +98,20 @@ def _pages() -> dict[str, Callable[[Path], Path]]:
     """What writes the page of a report that is no study, by the file that it is kept in."""
     from actin_xcheck.nightly.dashboard import write_night_page
     from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
-    from actin_xcheck.studies.compare import FILE_NAME as COMPARISON_FILE
-    from actin_xcheck.studies.compare_page import write_report
 
     return {
-        COMPARISON_FILE: write_report,
+        "comparison.h5": _earlier_comparison,
         NIGHT_FILE: write_night_page,
     }
+
+
+def _earlier_comparison(folder: Path) -> Path:
+    """UserError: what made it makes it again, as it is kept now."""
+    from actin_xcheck.runs.store import reading
+
+    with reading(file := folder / "comparison.h5", "comparison") as stored:
+        command = stored.attrs.get("command", "actin_xcheck compare")
+    raise UserError(f"{file}: of an earlier version; valid: {command}, with --force or into another folder")
 
 
 def _holds(folder: Path) -> str:

@@ -11,7 +11,8 @@ import typer
 from actin_xcheck.cli.options import Force, Json, Quiet, command
 
 if TYPE_CHECKING:
-    from actin_xcheck.studies.study import Report, Study
+    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.studies.study import Report, Study, Tell
 
 Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", show_default=False)]
 Methods = Annotated[list[str] | None, typer.Option("--method", help="May be given more than once.")]
@@ -45,8 +46,8 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             json: Json = False,
             **asked: Any,
         ) -> None:
+            from actin_xcheck.core.files import report_folder
             from actin_xcheck.runs.executor import jobs_asked
-            from actin_xcheck.studies.folder import report_folder
 
             study = asked_for(**asked)  # a mistake makes no folder
             jobs_asked(jobs, scheduler)
@@ -80,27 +81,45 @@ def carry_out(
 ) -> tuple["Report", Path]:
     """Carry a study out in a folder and return its report and its page; with `force`, begin anew."""
     from actin_xcheck.cli.progress import Progress
-    from actin_xcheck.core.files import locked
+    from actin_xcheck.core.files import make_folder
     from actin_xcheck.runs.executor import executor, jobs_asked
     from actin_xcheck.studies import study as studies
-    from actin_xcheck.studies.folder import make_folder
 
-    processes_wanted = jobs_asked(jobs, scheduler)
-    file = make_folder(folder) / f"{name}.h5"
-    with locked(folder / studies.FILE_NAME), Progress(quiet) as progress:
-        with executor(processes_wanted, scheduler) as processes:
-            if force:
-                studies.begin_anew(folder)
-            report = studies.carry_out(name, study, folder, command(), processes, progress.report)
-        return report, page_of(file)
+    wanted = jobs_asked(jobs, scheduler)
+    with studies.at_work(make_folder(folder), force), Progress(quiet) as progress:
+        with executor(wanted, scheduler) as processes:
+            tell = _saying_the_cost(progress, processes.workers)
+            report = studies.carry_out(name, study, folder, command(), processes, tell)
+        return report, page_of(folder / f"{name}.h5")
+
+
+def _saying_the_cost(progress: "Progress", workers: int) -> "Tell":
+    """Tell progress, and first of all what is to come: what is asked for first, shared by so many workers."""
+    said = False
+
+    def tell(label: str, over: float, whole: float) -> None:
+        nonlocal said
+        if not said and whole > over:
+            progress.say(f"{label}: about {lasting((whole - over) / workers)}")
+        said = True
+        progress.report(label, over, whole)
+
+    return tell
+
+
+def lasting(seconds: float) -> str:
+    """An estimate of a time in words: "40 s" or "5 min"."""
+    return f"{max(seconds, 1):.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
 
 
 def page_of(file: Path) -> Path:
     """Write the page of a study from its file and return its path: most have the same."""
     from actin_xcheck.studies.audit.page import write_audit_page
+    from actin_xcheck.studies.compare_page import write_comparison_page
     from actin_xcheck.studies.page import write_page
 
-    return {"paper.h5": write_audit_page}.get(file.name, write_page)(file)
+    own = {"paper.h5": write_audit_page, "compare.h5": write_comparison_page}
+    return own.get(file.name, write_page)(file)
 
 
 def _say(words: str, report: "Report", page: Path, json: bool) -> None:
@@ -112,7 +131,13 @@ def _say(words: str, report: "Report", page: Path, json: bool) -> None:
     verdicts = dict(report.verdicts or Counter(claim.verdict for claim in report.claims))
     findings = (*said, *report.findings)
     answer = ReportAnswer.model_validate(
-        {"command": words, "page": str(page), "verdicts": verdicts, "findings": findings}
+        {
+            "command": words,
+            "page": str(page),
+            "verdicts": verdicts,
+            "findings": findings,
+            "known_to_percent": report.known,
+        }
     )
     conclude(answer, report.title, json)
     raise typer.Exit(1 if failed else 0)

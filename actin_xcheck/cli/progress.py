@@ -62,6 +62,11 @@ class Progress:
             self.tasks[label] = self.bars.add_task(label, total=total)
         self.bars.update(self.tasks[label], completed=done, total=total)  # what is asked next has its own
 
+    def say(self, sentence: str) -> None:
+        """A line above what is told of progress."""
+        if not self.quiet:
+            self.bars.console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
     def left(self, label: str, done: float, total: float) -> float:
         """Seconds until all is done at the pace so far, within the budget; inf where nothing tells."""
         now = time.monotonic()
@@ -75,7 +80,7 @@ class Progress:
         self.said[label] = now
         left = self.left(label, done, total)
         known = f", {left:.0f} s left" if math.isfinite(left) else ""
-        print(f"{label}: {done / max(total, 1):.0%}{known}", file=sys.stderr, flush=True)
+        print(f"{label}: {done / (total or 1):.0%}{known}", file=sys.stderr, flush=True)
 
 
 class _Left(ProgressColumn):

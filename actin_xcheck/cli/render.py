@@ -70,7 +70,7 @@ def export_command(
 def _free(path: Path, option: str, force: bool) -> Path:
     """Return a path that may be written; UserError where something is there."""
     from actin_xcheck.core.errors import UserError
-    from actin_xcheck.studies.folder import make_folder
+    from actin_xcheck.core.files import make_folder
 
     if path.exists() and not force:
         raise UserError(f"{option}: {path} exists already; valid: another name, or --force")

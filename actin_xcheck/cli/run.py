@@ -76,9 +76,9 @@ def run_command(
     Ctrl-C ends it after the step, exit code 130; --resume goes on to what it would have been without, to the
     last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
     """
+    from actin_xcheck.core.files import make_folder
     from actin_xcheck.runs.numerics import Asked
     from actin_xcheck.scene.scene import load_scene
-    from actin_xcheck.studies.folder import make_folder
 
     check_step(dt)
     loaded = load_scene(scene)

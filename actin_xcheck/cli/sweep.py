@@ -49,10 +49,10 @@ def sweep_command(
     """
     from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.core.outcome import Ending
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Asked
-    from actin_xcheck.studies.folder import make_folder, report_folder
     from actin_xcheck.studies.sweep.carry_out import carry_out, plan
 
     processes = jobs_asked(jobs, scheduler)

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and one process at a time on each output."""
+"""Files that appear whole or not at all, folders of reports, and one process at a time on each output."""
 
 import itertools
 import os
@@ -6,6 +6,7 @@ import re
 import sqlite3
 from collections.abc import Container, Iterator
 from contextlib import closing, contextmanager, nullcontext, suppress
+from datetime import datetime
 from errno import ENOLCK, ENOSYS, EOPNOTSUPP
 from pathlib import Path
 from warnings import catch_warnings
@@ -57,6 +58,20 @@ def new_folder(wanted: Path, taken: Container[str] = ()) -> Path:
                 raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
             return folder
     raise AssertionError("numbers do not end")
+
+
+def report_folder(out_dir: Path | None, kind: str) -> Path:
+    """Return the folder a user named, else make a new one for this kind of report and this moment."""
+    return out_dir or new_folder(Path("reports") / f"{kind}-{datetime.now():%Y%m%d-%H%M%S}")
+
+
+def make_folder(folder: Path) -> Path:
+    """Make a folder where there is none and return it; UserError where that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: cannot make the folder {folder}: {error.strerror}") from error
+    return folder
 
 
 def unfinished(path: Path) -> Path:

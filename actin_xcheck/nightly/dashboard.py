@@ -22,9 +22,9 @@ from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, NotRun, nig
 from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import on_triangles
-from actin_xcheck.runs.store import read_comparison
 from actin_xcheck.runs.workers import Report, work_off
-from actin_xcheck.studies.compare_page import write_report
+from actin_xcheck.studies.compare import read_comparison
+from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.faults.catalogue import FAULTS
 
 EVENTS = 60
@@ -74,12 +74,12 @@ def _state(verdicts: Counter[str]) -> str:
 
 def write_scene_pages(folder: Path) -> None:
     """Write the report of every comparison in a night's folder, with the film of its cell, beside it."""
-    places = sorted(path.parent for path in (folder / "checks").glob(f"*/{COMPARISON}"))
+    places = sorted((folder / "checks").glob(f"*/{COMPARISON}"))
     work_off(_scene_page, places, lambda label, done, total: None, str)
 
 
-def _scene_page(folder: Path, report: Report) -> None:
-    write_report(folder)
+def _scene_page(file: Path, report: Report) -> None:
+    write_comparison_page(file)
 
 
 def write_night_page(folder: Path) -> Path:

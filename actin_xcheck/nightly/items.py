@@ -22,14 +22,14 @@ from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.chart.measure import Asked, Sample, measured
 from actin_xcheck.studies.chart.points import command_of
+from actin_xcheck.studies.checks import Compared
 from actin_xcheck.studies.converge.orders import Error, Order
 from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.checks import Check, Compared
 from actin_xcheck.studies.faults.fault import Calls, replaced, there, watched
-from actin_xcheck.studies.faults.hunt import control, held_against
-from actin_xcheck.verdicts.triangulate import read_triangles
+from actin_xcheck.studies.faults.hunt import Check, control, held_against
+from actin_xcheck.verdicts.triangulate import Triangle
 
-COMPARISON, ORDERS = "comparison.h5", "converge.h5"
+COMPARISON, ORDERS = "compare.h5", "converge.h5"
 
 
 class Group(StrEnum):
@@ -312,11 +312,13 @@ def numbers_in(folder: Path, check: str) -> Iterator[Number]:
     if (folder / ORDERS).exists():
         yield from _of_orders(folder)
     if (folder / COMPARISON).exists():
-        for triangle in read_triangles(folder / COMPARISON):
+        with reading(folder / COMPARISON, "report of a study") as file:
+            triangles = read_table(file["tables/triangles"], Triangle)
+        for triangle in triangles:
             if triangle.quantity == "growth_rate":
                 for method, corner in zip(triangle.methods, triangle.corners, strict=False):
                     key = f"rate/{triangle.scene}/{method} · {check}"
-                    yield Number(key, Kind.RATE, corner.value, "", f"{COMPARISON}/triangles/{triangle.key}")
+                    yield Number(key, Kind.RATE, corner.value, "", f"{COMPARISON}/tables/triangles")
     for run in sorted(_finished(folder)):
         if "--coarser-" in run.name:
             continue

@@ -22,10 +22,11 @@ from actin_xcheck.nightly.record import FILE_NAME, Begun, Kept, nights_in, write
 from actin_xcheck.runs.executor import cores
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.store import provenance
+from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Check, Compared, Studied
+from actin_xcheck.studies.faults.hunt import Check
 from actin_xcheck.studies.stored import seconds_of
 
 PAGES = 0.08

@@ -18,6 +18,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -70,6 +71,11 @@ class Lost:
 class Executor(Protocol):
     """Something that has processes."""
 
+    @property
+    def workers(self) -> int:
+        """How many tasks it works on at a time."""
+        ...
+
     def results(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
@@ -97,6 +103,19 @@ def jobs_asked(jobs: int | None, scheduler: str | None) -> int:
     return jobs or cores()
 
 
+IN_TURN = ContextVar("in turn", default=False)
+
+
+@contextmanager
+def in_turn() -> Iterator[None]:
+    """Within it, tasks are worked off one by one in this process: others do not see what it has changed."""
+    before = IN_TURN.set(True)
+    try:
+        yield
+    finally:
+        IN_TURN.reset(before)
+
+
 @contextmanager
 def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     """Give as many processes as `jobs` on this machine, or those of the cluster at a scheduler's address.
@@ -105,6 +124,9 @@ def executor(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
 
     UserError where no `dask.distributed` scheduler with workers answers there, or where it is not installed.
     """
+    if IN_TURN.get():
+        yield _InTurn()
+        return
     if scheduler is None:
         with closing(Processes(jobs)) as processes:
             yield processes
@@ -153,6 +175,17 @@ async def _version(scheduler: str) -> str:
             theirs.abort()
 
 
+class _InTurn:
+    """This process alone."""
+
+    workers = 1
+
+    def results(
+        self, work: Callable[[Task], Result], tasks: Sequence[Task]
+    ) -> Iterator[tuple[int, Result | Lost]]:
+        yield from ((number, work(task)) for number, task in enumerate(tasks))
+
+
 class Processes:
     """Those of this machine, each with a pipe of its own: one that ends takes no other's task with it.
 
@@ -172,6 +205,11 @@ class Processes:
         self._jobs, self._report, self._attempts = jobs, report, attempts
         self._context = context or multiprocessing.get_context("spawn")
         self._idle: list[_Process] = []
+
+    @property
+    def workers(self) -> int:
+        """As an `Executor`'s."""
+        return self._jobs
 
     def results(
         self, work: Callable[..., Result], tasks: Sequence[Task]
@@ -339,6 +377,10 @@ class _Cluster:
 
     def __init__(self, client: "Client") -> None:
         self._client = client
+
+    @property
+    def workers(self) -> int:
+        return max(len(self._client.nthreads()), 1)
 
     def results(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]

@@ -1,4 +1,4 @@
-"""Results on disk (HDF5): one run is one `.vtkhdf` film with its time series, one comparison links its runs.
+"""Results on disk (HDF5): one run is one `.vtkhdf` film with its time series.
 
 A run file holds two groups.  `/VTKHDF` is the film of its output times (`vtkhdf.py`), which ParaView opens.
 `/run`, which VTK ignores, holds the scene, the method and the provenance as attributes and one row per time
@@ -14,9 +14,9 @@ import os
 import platform
 import re
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -27,18 +27,16 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.contract import Frame
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file, unfinished
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.runs import vtkhdf
 
 SCHEMA = 1
-"""Version of the layout under `/run` and of a comparison; a reader refuses any other."""
+"""Version of the layout under `/run` and of reports; a reader refuses any other."""
 
 Attributes = Mapping[str, str | int | float | tuple[str, ...]]
 
@@ -84,16 +82,6 @@ class Run(vtkhdf.Film):
         if abs(self.series["time"][row] - t) > 1e-9:
             raise ValueError(f"{self.path.name} has no row at t = {t:g}: {self.attributes['message']}")
         return {name: values[row] for name, values in self.series.items()}
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A stored comparison: its claims, its runs by "scene/method" and what was stated about it."""
-
-    path: Path
-    attributes: dict[str, Any]
-    claims: tuple[Claim, ...]
-    runs: dict[str, Run]
 
 
 class RunWriter:
@@ -262,51 +250,6 @@ def annotate(path: Path, attributes: Attributes) -> None:
     """State more about a finished run: what is known only when it is compared with others."""
     with changing(path) as file:
         state(file["run"], attributes)
-
-
-def write_comparison(
-    path: Path, claims: Sequence[Claim], runs: Mapping[str, Path], attributes: Attributes
-) -> None:
-    """Write claims and links to their runs, replacing `path` atomically.
-
-    Parameters
-    ----------
-    path : destination, by custom `comparison.h5`.
-    claims : what the comparison found; group `/claims/<number>` each.
-    runs : files by "scene/method"; external links `/runs/<scene>/<method>`, relative to the destination.
-    attributes : provenance and whatever else is stated about the whole; `date` (UTC) and `schema` are added.
-    """
-    path = Path(path)
-    with writing(path, attributes) as file:
-        stated, linked = file.create_group("claims"), file.create_group("runs", track_order=True)
-        for number, claim in enumerate(claims):
-            state(stated.create_group(f"{number:03d}"), asdict(claim) | {"verdict": claim.verdict})
-        for name, run in runs.items():
-            target = os.path.relpath(Path(run).resolve(), path.resolve().parent)
-            linked[name] = h5py.ExternalLink(target, "/")
-
-
-def read_comparison(path: Path) -> Comparison:
-    """Return the comparison stored in `path` and, through its links, the runs.
-
-    Raises
-    ------
-    UserError : as `read_run`, for the comparison or for one of its runs.
-    """
-    with reading(path, "comparison") as file:
-        attributes = dict(file.attrs)
-        claims = tuple(claim_of(group.attrs) for group in file["claims"].values())
-        links = {
-            f"{scene}/{method}": methods.get(method, getlink=True).filename
-            for scene, methods in file["runs"].items()
-            for method in methods
-        }
-    folder = Path(path).parent
-    for name, link in links.items():
-        if not (folder / link).resolve().is_relative_to(folder.resolve()):
-            raise UserError(f"{path}: the run {name} is linked outside of the comparison's folder, {link}")
-    runs = {name: read_run(folder / link) for name, link in links.items()}
-    return Comparison(Path(path), attributes, claims, runs)
 
 
 def provenance() -> dict[str, str]:

@@ -1,29 +1,16 @@
 """Work on all cores: tasks in processes of their own, with their progress passed on."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.executor import Lost, Processes, Report, cores, portable
+from actin_xcheck.runs.executor import IN_TURN, Lost, Processes, Report, cores, portable
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-
-_IN_TURN = ContextVar("in turn", default=False)
-
-
-@contextmanager
-def in_turn() -> Iterator[None]:
-    """Within it, tasks are worked off one by one in this process: others do not see what it has changed."""
-    before = _IN_TURN.set(True)
-    try:
-        yield
-    finally:
-        _IN_TURN.reset(before)
 
 
 @dataclass(frozen=True)
@@ -51,7 +38,7 @@ def work_off(
     Raises whatever `work` raises, after the others have finished, or UserError where every process that was
     given a task has ended; an interrupt ends the processes at once.
     """
-    if _IN_TURN.get():
+    if IN_TURN.get():
         return [work(task, report) for task in tasks]
     with closing(Processes(min(len(tasks), cores()), report)) as processes:
         found = dict(processes.results(partial(_tried, work), tasks))

@@ -1,23 +1,27 @@
-"""Scenes x methods -> runs, claims and one comparison file."""
+"""Scenes x methods: runs, what is claimed of them, which corner is off, to what their integrals are known."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from math import nan
 from pathlib import Path
+from typing import Any
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.runs import store
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import suited
-from actin_xcheck.runs.workers import Report, work_off
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.stored import Stored, run_stored
+from actin_xcheck.studies.stored import Ran, Stored
+from actin_xcheck.studies.study import Report, Study, Table, Task, counted, read_claims
 from actin_xcheck.verdicts.judge import again, judge
-from actin_xcheck.verdicts.known_to import KnownTo, keep, known_to
-from actin_xcheck.verdicts.triangulate import Levels, Triangle, attach, triangulate
+from actin_xcheck.verdicts.known_to import KnownTo, known_to
+from actin_xcheck.verdicts.triangulate import Levels, Triangle, triangulate
 
-FILE_NAME = "comparison.h5"
+FILE_NAME = "compare.h5"
 
 DEFAULT_SCENES = ("mode-11-wall", "static-decay", "growing-disk", "fig14-four-fronts")
 DEFAULT_METHODS = ("fem-p1-paper", "fv-coupled")
@@ -26,6 +30,40 @@ DEFAULT_REFINE = 5
 
 COMPANIONS = 2
 """Coarser runs beside each one; the first costs a sixteenth of it, the second shows the order."""
+
+JUDGED = 0.5
+"""Seconds in which the runs of a scene are judged, about."""
+
+
+def compare(jobs: Sequence[Stored]) -> Study:
+    """Run every job and its companions, and judge the stored runs, scene by scene: its jobs stand together.
+
+    The report has the claims, the tables `runs`, `triangles` (see `Triangle`) and `known_to` (see `KnownTo`),
+    and links the files: `/runs/<scene>/<method>`, `/companions/<scene>/<method>/<times coarser>`.
+    """
+    beside = companions(jobs)
+    levels = [_levels(job, beside) for job in jobs]
+    every = [(job, times) for finest_first in levels for times, job in enumerate(finest_first)]
+    answers: list[Ran] = yield [job.task for job, _ in every]
+    runs = [_row(job, times, answer) for (job, times), answer in zip(every, answers, strict=True)]
+    by_scene = [tuple(of_one) for _, of_one in groupby(levels, lambda one: one[0].scene.name)]
+    found: list[Judged] = yield [Task(judged, of_one, JUDGED) for of_one in by_scene]
+    claims = tuple(claim for one in found for claim in one.claims)
+    return Report(
+        counted(claims, "claims hold"),
+        _LEAD,
+        {
+            "runs": Table("Runs", runs, _RUNS),
+            "triangles": Table("Which corner is off?", [one for each in found for one in each.triangles]),
+            "known_to": Table("Known to", [one.known for one in found], "Relative errors; nan: not known."),
+        },
+        claims,
+        tuple(one.known.sentence for one in found),
+        links={one.place: one.file for one in runs},
+        known={
+            one.known.scene: {name: 100 * error for name, error in one.known.errors.items()} for one in found
+        },
+    )
 
 
 def jobs_of(
@@ -82,63 +120,114 @@ def _coarser(job: Stored, times: int) -> Stored:
     )
 
 
-def compare(
-    jobs: Sequence[Stored], folder: Path, command: str, report: Report = lambda label, done, total: None
-) -> list[Claim]:
-    """Run every job on all cores, judge the stored runs and write `folder/comparison.h5`.
+def _levels(job: Stored, beside: Sequence[Stored]) -> tuple[Stored, ...]:
+    """A job and its companions, finest first."""
+    return job, *(one for one in beside if (one.scene.name, one.method) == (job.scene.name, job.method))
 
-    Parameters
+
+@dataclass(frozen=True)
+class Judged:
+    """What the runs of a scene come to: claims of single runs and pairs, then those of the triangles."""
+
+    claims: tuple[Claim, ...]
+    triangles: tuple[Triangle, ...]
+    known: KnownTo
+
+
+def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> Judged:
+    """Judge the runs of a scene, of each method the one asked for and its companions, from their files."""
+    scene = asked[0][0].scene
+    levels = [Levels(jobs[0].method, tuple(read_run(folder / job.file) for job in jobs)) for jobs in asked]
+    runs = {one.method.name: one.runs[0] for one in levels}
+    triangles = triangulate(scene, levels)
+    of_triangles = (one.claim(again(scene, *(runs[name] for name in one.methods))) for one in triangles)
+    return Judged((*judge(scene, runs), *of_triangles), tuple(triangles), known_to(scene, levels))
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """A run of a comparison: how it was made, how it ended, its place in the report and its file."""
+
+    scene: str
+    method: str
+    times_coarser: int
+    refine: int
+    dt: float
+    rtol: float
+    outcome: str
+    message: str
+    seconds: float
+    place: str
+    file: str
+
+
+def _row(job: Stored, times: int, ran: Ran) -> RunRow:
+    name = f"{job.scene.name}/{job.method.name}"
+    return RunRow(
+        job.scene.name,
+        job.method.name,
+        times,
+        job.refine,
+        job.dt,
+        nan if job.rtol is None else job.rtol,
+        ran.outcome,
+        ran.message,
+        ran.seconds,
+        f"companions/{name}/{times}" if times else f"runs/{name}",
+        job.file,
+    )
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A stored comparison.
+
+    Attributes
     ----------
-    jobs : what to run, see `jobs_of`.
-    folder : where files go; it exists.
-    command : what reproduces the whole comparison.
-    report : told of progress.
-
-    Returns
-    -------
-    The claims, scene by scene.
+    path, attributes : its file, and what that states about the whole.
+    claims : what was judged.
+    runs : those that were asked for, by "scene/method".
+    triangles, known : see `Judged`, of all scenes.
     """
-    beside = companions(jobs)
-    first_long_ones = sorted([*jobs, *beside], key=lambda job: job.seconds, reverse=True)
-    work_off(_run, [(job, folder) for job in first_long_ones], report, lambda task: _label(task[0]))
-    claims: list[Claim] = []
-    triangles: list[Triangle] = []
-    known: dict[str, KnownTo] = {}
-    for scene in {job.scene.name: job.scene for job in jobs}.values():
-        levels = [_levels(job, beside, folder) for job in jobs if job.scene.name == scene.name]
-        found = triangulate(scene, levels)
-        runs = {one.method.name: one.runs[0] for one in levels}
-        claims += judge(scene, runs)
-        claims += [
-            triangle.claim(again(scene, *(runs[one] for one in triangle.methods))) for triangle in found
-        ]
-        triangles += found
-        known[scene.name] = known_to(scene, levels)
-    files = {_name(job): folder / job.file for job in jobs}
-    stated = {"command": command, **store.provenance()}
-    store.write_comparison(folder / FILE_NAME, claims, files, stated)
-    finest = {_name(job): job.refine for job in jobs}
-    coarse = {f"{_name(job)}/{finest[_name(job)] - job.refine}": folder / job.file for job in beside}
-    attach(folder / FILE_NAME, triangles, coarse)
-    keep(folder / FILE_NAME, known)
-    return claims
+
+    path: Path
+    attributes: dict[str, Any]
+    claims: tuple[Claim, ...]
+    runs: dict[str, Run]
+    triangles: tuple[Triangle, ...]
+    known: tuple[KnownTo, ...]
 
 
-def _name(job: Stored) -> str:
-    return f"{job.scene.name}/{job.method.name}"
+def read_comparison(path: Path) -> Comparison:
+    """Return the comparison stored in `path` and, through its links, the runs.
+
+    UserError as `read_run`, for the comparison or for one of its runs.
+    """
+    with reading(path, "comparison") as file:
+        attributes, claims = dict(file.attrs), tuple(read_claims(file))
+        rows = read_table(file["tables/runs"], RunRow)
+        triangles = read_table(file["tables/triangles"], Triangle)
+        known = read_table(file["tables/known_to"], KnownTo)
+        links = {
+            f"{row.scene}/{row.method}": file.get(row.place, getlink=True).filename
+            for row in rows
+            if not row.times_coarser
+        }
+    folder = Path(path).parent
+    for name, link in links.items():
+        if not (folder / link).resolve().is_relative_to(folder.resolve()):
+            raise UserError(f"{path}: the run {name} is linked outside of the comparison's folder, {link}")
+    runs = {name: read_run(folder / link) for name, link in links.items()}
+    return Comparison(Path(path), attributes, claims, runs, tuple(triangles), tuple(known))
 
 
-def _label(job: Stored) -> str:
-    """What progress is reported under."""
-    return f"{job.scene.name} · {job.method.name} (refine {job.refine})"
+_LEAD = (
+    "The moving-cell model of George, Stéphanou and Madzvamuse, “Mathematical modelling and numerical "
+    "simulations of actin dynamics in the eukaryotic cell”, computed with finite elements (FEM) and finite "
+    "volumes (FV) and held against theory, exact solutions and each other. FV gives a second opinion on the "
+    "transport of actin and its feedback; the force balance is one code for both and is held by theory, "
+    "exact solutions and reference values. All quantities are non-dimensional, equation numbers those of the "
+    "article."
+)
 
-
-def _levels(job: Stored, beside: Sequence[Stored], folder: Path) -> Levels:
-    """The stored run of a job and of its companions, finest first."""
-    ours = [one for one in beside if (one.scene.name, one.method) == (job.scene.name, job.method)]
-    return Levels(job.method, tuple(store.read_run(folder / one.file) for one in (job, *ours)))
-
-
-def _run(task: tuple[Stored, Path], report: Report) -> None:
-    job, folder = task
-    run_stored(job, folder, lambda done, total: report(_label(job), done, total))
+_RUNS = "Those asked for, then the coarser ones beside them, which give their uncertainties."

@@ -6,21 +6,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.charts import charts
 from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.exhibits import Intervals
 from actin_xcheck.report.figure import STYLES, Style
 from actin_xcheck.report.film import FilmStrip, film_strip
 from actin_xcheck.report.player import film_data
-from actin_xcheck.runs.store import Comparison, Run, read_comparison
+from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, parse_scene
-from actin_xcheck.studies.compare import FILE_NAME
-from actin_xcheck.studies.compare_triangles import intervals
-from actin_xcheck.verdicts.known_to import in_words, is_well, read_known_to
-from actin_xcheck.verdicts.triangulate import Triangle, read_triangles
+from actin_xcheck.studies.compare import Comparison, read_comparison
+from actin_xcheck.verdicts.triangulate import Triangle
+
+_INK = -1
+"""The style of what no method drew."""
 
 
 @dataclass(frozen=True)
@@ -66,38 +70,37 @@ class _Section:
         return [*stated, ("t end", f"{self.scene.time.end:g}")]
 
 
-def write_report(folder: Path) -> Path:
-    """Write `folder/index.html` from `folder/comparison.h5` and the runs it links, and return its path.
+def write_comparison_page(path: Path) -> Path:
+    """Write `index.html` beside the file of a comparison, from it and the runs it links, and return its path.
 
     Raises
     ------
     UserError : the comparison or one of its runs is missing or not whole.
     """
-    folder = Path(folder)
-    comparison = read_comparison(folder / FILE_NAME)
-    template = environment(folder).get_template("page.html")
-    known = read_known_to(comparison.path)
-    html = template.render(
-        known={scene: in_words(found) for scene, found in known.items()},
-        well=all(map(is_well, known.values())),
+    path = Path(path)
+    comparison = read_comparison(path)
+    html = environment(path.parent).get_template("page.html")
+    text = html.render(
+        known=comparison.known,
         attributes=comparison.attributes,
         claims=_grouped(comparison),
         failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
         total=sum(claim.judged for claim in comparison.claims),
         unjudged=sum(not claim.judged for claim in comparison.claims),
-        sections=_sections(comparison, read_triangles(comparison.path)),
+        sections=_sections(comparison),
         versions=_versions(comparison),
+        file=path.name,
     )
-    return put_page(folder, html)
+    return put_page(path.parent, text)
 
 
-def _sections(comparison: Comparison, triangles: Sequence[Triangle]) -> list[_Section]:
+def _sections(comparison: Comparison) -> list[_Section]:
     """One section a scene, in the order in which they were compared, finite elements first."""
     by_scene: dict[str, list[Run]] = {}
     for run in comparison.runs.values():
         by_scene.setdefault(run.attributes["scene_name"], []).append(run)
     return [
-        _section(i, name, sorted(runs, key=_rank), [one for one in triangles if one.scene == name])
+        _section(i, name, sorted(runs, key=_rank), [one for one in comparison.triangles if one.scene == name])
         for i, (name, runs) in enumerate(by_scene.items(), 1)
     ]
 
@@ -127,8 +130,30 @@ def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Tr
 
 def _drawn(triangle: Triangle, styles: dict[str, int]) -> Drawing | None:
     """A triangle where there was something to compare."""
-    exhibit = intervals(triangle, styles)
-    return draw(exhibit, f"/triangles/{triangle.key}") if exhibit else None
+    exhibit = _intervals(triangle, styles)
+    return draw(exhibit, f"/tables/triangles/{triangle.key}") if exhibit else None
+
+
+def _intervals(triangle: Triangle, styles: dict[str, int]) -> Intervals | None:
+    """Return a triangle as distances from theory, or from FEM without one; None where nothing was compared.
+
+    `styles` are the numbers of the methods' colours, by name.
+    """
+    corners = triangle.corners
+    if not corners:
+        return None
+    origin = corners[2 if len(corners) > 2 else 0]
+    used = [*(styles.get(name, _INK) for name in triangle.methods), _INK]
+    return Intervals(
+        key=triangle.key,
+        title=triangle.words,
+        note=triangle.sentence,
+        xlabel=f"distance from {origin.value:.6g} ({origin.name})",
+        names=tuple(corner.name for corner in corners),
+        values=np.array([corner.value - origin.value for corner in corners]),
+        uncertainties=np.array([corner.uncertainty for corner in corners]),
+        styles=tuple(used[: len(corners)]),
+    )
 
 
 def _stated(run: Run, name: str) -> dict[str, Any]:

@@ -9,14 +9,12 @@ from typing import Any
 
 import h5py
 
-from actin_xcheck.core.claim import Claim
-from actin_xcheck.core.unnamed import Unnamed
 from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibit_file import read_chapters
 from actin_xcheck.report.exhibits import Chapter
-from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
+from actin_xcheck.studies.study import read_claims
 
 _SCORE = re.compile(r"\d+ of \d+")
 """What a title may begin with, and the page is coloured by."""
@@ -55,7 +53,7 @@ def write_page(path: Path) -> Path:
     path = Path(path)
     with reading(path, "report of a study") as file:
         said: dict[str, Any] = dict(file.attrs)
-        claims = _claims(file["claims"])
+        claims = read_claims(file)
         chapters = read_chapters(file["exhibits"])
         tables = [_shown(name, group) for name, group in file["tables"].items()]
     title = said.pop("title")
@@ -86,13 +84,6 @@ def drawn(chapters: Iterable[Chapter]) -> list[tuple[Chapter, list[Drawing]]]:
         )
         for one in chapters
     ]
-
-
-def _claims(group: h5py.Group) -> list[Claim]:
-    """The claims of a report, whether or not it was written before they had kinds."""
-    if "kind" in group or not len(group):
-        return read_table(group, Claim)
-    return [one.named for one in read_table(group, Unnamed)]
 
 
 def _shown(name: str, group: h5py.Group) -> Shown:

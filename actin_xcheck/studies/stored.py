@@ -4,14 +4,13 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from actin_xcheck.core.files import replace_file
+from actin_xcheck.core.files import make_folder, replace_file
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import Progress
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.folder import make_folder
 from actin_xcheck.studies.study import Task
 
 

@@ -13,6 +13,7 @@ by itself, when they are over.  The report is written to `<name>.h5`, of which a
 """
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -21,11 +22,13 @@ import h5py
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import locked
+from actin_xcheck.core.unnamed import Unnamed
 from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.alone import prepare, work_alone
 from actin_xcheck.runs.executor import Executor, Lost, portable
-from actin_xcheck.runs.records import write_table
+from actin_xcheck.runs.records import read_table, write_table
 from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
 from actin_xcheck.studies.journal import FILE_NAME, Journal, key_of, stated
@@ -104,6 +107,7 @@ class Report:
     chapters : what is drawn.
     links : files of the study's folder, such as runs, by the place in its file where they are linked.
     verdicts : how many of what it judges came out how, where its claims do not say that.
+    known : the command's `known_to_percent` in JSON, see `cli.output.ReportAnswer`.
     """
 
     title: str
@@ -114,6 +118,7 @@ class Report:
     chapters: tuple[Chapter, ...] = ()
     links: Mapping[str, str] = field(default_factory=dict)
     verdicts: Mapping[str, int] = field(default_factory=dict)
+    known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 Study = Generator[Sequence[Task], list[Any], Report]
@@ -167,24 +172,40 @@ def carry_out_here(name: str, study: Study, folder: Path, command: str) -> Repor
     return report
 
 
+@contextmanager
+def at_work(folder: Path, force: bool = False) -> Iterator[None]:
+    """Have a study's folder to oneself; with `force`, begin anew.  UserError where another process has it."""
+    with locked(folder / FILE_NAME):
+        if force:
+            begin_anew(folder)
+        yield
+
+
 def begin_anew(folder: Path) -> None:
-    """Remove the answers that a folder has, and the report of its study; what else lies there stays."""
+    """Remove the answers that a folder has, and the reports; what else lies there stays."""
     (folder / FILE_NAME).unlink(missing_ok=True)
-    if report := study_file(folder):
-        report.unlink()
+    for path, stated_there in _files(folder):
+        if stated_there is None or "schema" in stated_there:
+            path.unlink()
 
 
 def study_file(folder: Path) -> Path | None:
     """The file of a study in a folder, or one that cannot be opened and may be it; None without either."""
-    broken = None
+    files = _files(folder)
+    studies = [path for path, stated_there in files if "study" in (stated_there or ())]
+    return next(iter([*studies, *(path for path, stated_there in files if stated_there is None)]), None)
+
+
+def _files(folder: Path) -> list[tuple[Path, set[str] | None]]:
+    """Files that may be reports, with the names of what each states; None where it cannot be opened."""
+    found: list[tuple[Path, set[str] | None]] = []
     for path in sorted(path for path in Path(folder).glob("*.h5") if path.is_file()):
         try:
             with h5py.File(path) as file:
-                if "study" in file.attrs:
-                    return path
+                found.append((path, set(file.attrs)))
         except Exception:  # the library has its own for every way in which a file can be damaged
-            broken = path
-    return broken
+            found.append((path, None))
+    return found
 
 
 def answered(study: Study, answers_to: Callable[[Sequence[Task]], list[Any]]) -> Report:
@@ -215,6 +236,14 @@ def write_report(path: Path, name: str, report: Report, command: str) -> None:
         write_chapters(file.create_group("exhibits", track_order=True), report.chapters)
         for place, target in report.links.items():
             file[place] = h5py.ExternalLink(target, "/")
+
+
+def read_claims(file: h5py.File) -> list[Claim]:
+    """The claims of a report, whether or not it was written before they had kinds."""
+    group = file["claims"]
+    if "kind" in group or not len(group):
+        return read_table(group, Claim)
+    return [one.named for one in read_table(group, Unnamed)]
 
 
 @dataclass(frozen=True)

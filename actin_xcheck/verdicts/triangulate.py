@@ -8,20 +8,17 @@ claimed.  Cell averages are left out: triangles of two
 levels are nested in topology only, and carrying one to the other would cost as much as what is measured.
 """
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 from typing import Literal
 
-import h5py
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.method import Method
-from actin_xcheck.runs.store import Run, changing, reading, state
+from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.growth import fit_growth
@@ -84,7 +81,7 @@ class Triangle:
 
     @property
     def key(self) -> str:
-        """A name of its own in a comparison's file."""
+        """A name of its own."""
         return "--".join((self.scene, *self.methods, self.quantity))
 
     @property
@@ -112,7 +109,7 @@ class Triangle:
             value=self.ratio if judged else self.apart,
             bound=1.0 if judged else np.nan,
             command=command,
-            path=f"/triangles/{self.key}",
+            path="/tables/triangles",
             note=note,
         )
 
@@ -355,44 +352,3 @@ def _in_words(corner: Corner, corners: Sequence[Corner]) -> str:
     digits = 6 if np.isnan(known_to) else min(max(1 - int(np.floor(np.log10(known_to))), 0), 10)
     said = f"{corner.name} {round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
     return f"{said} ± {corner.uncertainty:.{digits}f}" if 0.5 * 10**-digits < corner.uncertainty else said
-
-
-# files
-
-
-def attach(path: Path, triangles: Sequence[Triangle], companions: Mapping[str, Path]) -> None:
-    """Add to a stored comparison its triangles and links to the companion runs.
-
-    `/triangles/<key>` each, corners in the datasets `values` and `uncertainties`;
-    `/companions/<scene>/<method>/<times coarser>`, relative to the comparison.
-    """
-    with changing(path) as file:
-        stored = file.create_group("triangles", track_order=True)
-        for triangle in triangles:
-            group, corners = stored.create_group(triangle.key), triangle.corners
-            state(group, {name: getattr(triangle, name) for name in _STATED})
-            for name in ("name", "how"):
-                said = [getattr(corner, name) for corner in corners]
-                group.create_dataset(f"{name}s", data=said, dtype=h5py.string_dtype())
-            group["values"] = np.array([corner.value for corner in corners], dtype=float)
-            group["uncertainties"] = np.array([corner.uncertainty for corner in corners], dtype=float)
-        linked = file.create_group("companions", track_order=True)
-        for name, run in companions.items():
-            target = os.path.relpath(Path(run).resolve(), path.resolve().parent)
-            linked[name] = h5py.ExternalLink(target, "/")
-
-
-_STATED = ("scene", "methods", "quantity", "words", "ratio", "sentence")
-
-
-def read_triangles(path: Path) -> list[Triangle]:
-    """The triangles of a stored comparison; none in one without.  UserError where it is not whole."""
-    with reading(path, "comparison") as file:
-        return [_triangle(group) for group in file.get("triangles", {}).values()]
-
-
-def _triangle(group: h5py.Group) -> Triangle:
-    said = {name: group.attrs[name] for name in _STATED} | {"methods": tuple(group.attrs["methods"])}
-    columns = (group["names"].asstr()[()], group["values"][()], group["uncertainties"][()])
-    corners = zip(*columns, group["hows"].asstr()[()], strict=True)
-    return Triangle(corners=tuple(Corner(*corner) for corner in corners), **said)

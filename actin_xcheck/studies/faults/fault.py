@@ -13,7 +13,7 @@ from importlib import import_module
 from inspect import getattr_static
 from typing import Any
 
-from actin_xcheck.runs.workers import in_turn
+from actin_xcheck.runs.executor import in_turn
 
 Function = Callable[..., Any]
 

@@ -10,14 +10,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import starved
 from actin_xcheck.runs.commands import command
-from actin_xcheck.studies.faults.checks import SUITE, Check
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, there, watched
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
@@ -26,6 +25,24 @@ CLEAR = 2.0
 
 CHECK_SECONDS, FAULT_SECONDS = 4.0, 6.0
 """What a check and a fault take, about."""
+
+
+class Check(Protocol):
+    """A few runs and what is claimed of them."""
+
+    @property
+    def name(self) -> str:
+        """What a reader calls it: command, scene, methods."""
+        ...
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a fault cannot make it take much longer: its runs have a fixed number of steps."""
+        ...
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """Run everything afresh, into a folder of its own, and judge it."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -87,7 +104,7 @@ class Caught:
         return self.claim is not None
 
 
-def hunt(faults: Sequence[Fault], suite: Sequence[Check] = SUITE) -> Study:
+def hunt(faults: Sequence[Fault], suite: Sequence[Check]) -> Study:
     """Carry the suite out without a fault, then with one fault at a time until a check turns red."""
     targets = tuple(dict.fromkeys(fault.target for fault in faults))
     clean: list[Clean] = yield [Task(without, (check, targets), CHECK_SECONDS) for check in suite]

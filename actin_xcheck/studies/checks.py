@@ -1,4 +1,4 @@
-"""The checks that faults are held against: the harness's own judges, on scenes and levels of a second or two.
+"""Checks of the harness, which faults are held against: its own judges, on scenes and levels of a second.
 
 A check is a few runs and the claims that are made of them: those of `compare`, observed orders of
 `converge`, and what smaller models and chosen steps must keep to.  Nothing here judges; it chooses what is
@@ -7,7 +7,6 @@ judged.  Every claim must hold without a fault.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.runs.commands import command
@@ -21,28 +20,11 @@ from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge.plan import Refined, refinements_of
 from actin_xcheck.studies.converge.study import converge
+from actin_xcheck.studies.faults.hunt import Check
 from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole
 
 QUIET: Report = lambda label, done, total: None  # noqa: E731
-
-
-class Check(Protocol):
-    """A few runs and what is claimed of them."""
-
-    @property
-    def name(self) -> str:
-        """What a reader calls it: command, scene, methods."""
-        ...
-
-    @property
-    def bounded(self) -> bool:
-        """Whether a fault cannot make it take much longer: its runs have a fixed number of steps."""
-        ...
-
-    def claims(self, folder: Path) -> list[Claim]:
-        """Run everything afresh, into a folder of its own, and judge it."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -77,7 +59,7 @@ class Compared:
         scene = load_scene(self.scene)
         methods = [find_method(name) for name in self.methods]
         jobs = jobs_of([scene], methods, self.refine, scene.time.end / self.steps, self.rtol)
-        return compare(jobs, folder, again(self))
+        return list(carry_out_here("compare", compare(jobs), folder, again(self)).claims)
 
 
 FREE_CELL = "free-cell"
