@@ -7,7 +7,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
-from actin_xcheck.studies.checks import Compared
 
 from actin_xcheck.cli.nightly import spend
 from actin_xcheck.core.errors import UserError
@@ -19,6 +18,7 @@ from actin_xcheck.nightly.record import FILE_NAME, read_night
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import journal
+from actin_xcheck.studies.checks import Compared
 from tests import nights
 from tests.lab import FEM, FV
 from tests.nights import Stub, only_night, start

@@ -22,7 +22,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.checks import QUIET, Compared
+from actin_xcheck.studies.checks import Compared
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.fault import replaced
 from actin_xcheck.studies.faults.hunt import held_against
@@ -171,9 +171,9 @@ NO_NUMBER, SMALL, LARGE, ROUND_OFF = failing(np.nan), failing(1.25), failing(8.0
         ([[failing(np.inf)]], failing(np.inf), 1.0),
     ],
 )
-def test_a_fault_is_caught_by_a_number_where_there_is_one(checks, by, value):
+def test_a_fault_is_caught_by_a_number_where_there_is_one(checks, by, value, tmp_path):
     held = [Answering(f"check {i}", tuple(claims)) for i, claims in enumerate(checks)]
-    caught = held_against((FAULTS["reaction-sign"], held), QUIET)
+    caught = held_against((FAULTS["reaction-sign"], held), tmp_path)
     assert repr(caught.claim) == repr(by)  # nan is not nan
     said = control(caught)
     assert (said.value, said.verdict) == (pytest.approx(value), "PASS")
