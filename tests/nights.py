@@ -15,7 +15,7 @@ from actin_xcheck.cli.nightly import spend
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
 from actin_xcheck.nightly.items import NotDecided
-from actin_xcheck.nightly.plan import KERNEL, Plan, Wish
+from actin_xcheck.nightly.plan import KERNEL, Wish
 from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, Number, read_night
 from actin_xcheck.runs.executor import in_turn as in_this_process
 from tests.claims import claim
@@ -69,9 +69,8 @@ def night(monkeypatch, tmp_path):
     def run(*stubs, controls=(), as_json=False, **wish):
         how = {name: wish.pop(name) for name in ("patience",) if name in wish}
         with in_this_process():
-            plan = Plan(stubs, tuple(controls))
             how |= {"as_json": as_json, "kernel": KERNEL, "alone": here}
-            return spend(Wish(tmp_path, **wish), plan, in_turn(1), **how)
+            return spend(Wish(tmp_path, **wish), (*stubs, *controls), in_turn(1), **how)
 
     return run
 
@@ -83,7 +82,7 @@ def only_night(folder: Path) -> Kept:
 
 def drive(out: str, log: str, *options: str) -> None:
     """In a process of its own: a night of slow stubs."""
-    plan = Plan(tuple(Stub(f"check {i}", 0.1 * i, lasts=0.3, log=log) for i in range(5)))
+    plan = [Stub(f"check {i}", 0.1 * i, lasts=0.3, log=log) for i in range(5)]
     work.work_alone = here
     sys.exit(spend(Wish(Path(out), resume="--resume" in options), plan, in_turn(1), alone=here))
 

@@ -95,7 +95,7 @@ def test_the_bound_of_a_run_that_chose_its_steps_is_made_of_those_it_took(tmp_pa
 
 
 def test_what_no_other_command_makes_is_a_check_of_a_night():
-    names = {item.name for item in suite().checks}
+    names = {item.name for item in suite()}
     for check in SUITE:
         assert check.name in names
         assert not set("*?[") & set(check.name)  # --only takes patterns

@@ -13,7 +13,8 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import plan as plans
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import read_claims, read_nights, read_numbers
-from actin_xcheck.nightly.plan import KERNEL, Past, Plan, Wish, chosen, night_folder, past, suite
+from actin_xcheck.nightly.items import Control, Costed
+from actin_xcheck.nightly.plan import KERNEL, Past, Wish, chosen, night_folder, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, read_night
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.scene.scene import load_scene
@@ -31,20 +32,20 @@ night = nights.night  # a fixture
 
 def test_what_failed_last_then_what_often_fails_then_what_is_cheap():
     guesses = {"dear": 9, "cheap": 1, "often": 5, "red": 8}
-    plan = Plan(tuple(Stub(name, guess) for name, guess in guesses.items()))
+    plan = [Stub(name, guess) for name, guess in guesses.items()]
     known = Past({"cheap": 2.0, "dear": 1.0}, frozenset({"red"}), {"often": 0.2, "red": 0.1, "cheap": 0.0})
-    assert [item.name for item in chosen(plan, (), False, known).items] == ["red", "often", "dear", "cheap"]
-    assert [item.name for item in chosen(plan, (), False, Past()).items] == ["cheap", "often", "red", "dear"]
+    assert [item.name for item in chosen(plan, (), False, known)] == ["red", "often", "dear", "cheap"]
+    assert [item.name for item in chosen(plan, (), False, Past())] == ["cheap", "often", "red", "dear"]
 
 
 def test_only_some_are_chosen_by_patterns_and_controls_bring_their_checks():
     plan = suite()
-    names = [item.name for item in chosen(plan, ["compare fig14*"], False, Past()).items]
+    names = [item.name for item in chosen(plan, ["compare fig14*"], False, Past())]
     assert len(names) >= 3
     assert all(name.startswith("compare fig14") for name in names)
     with_checks = chosen(plan, ["fault fv-leak"], False, Past())
-    assert [one.fault for one in with_checks.controls] == ["fv-leak"]
-    assert len(with_checks.checks) == 24
+    assert with_checks[-1].fault == "fv-leak"
+    assert len(with_checks) == 24 + 1
     with pytest.raises(UserError, match=r"--only: no check is called 'fig99\*'; valid: such as compare"):
         chosen(plan, ["compare*", "fig99*"], False, Past())
     with pytest.raises(UserError, match="--failed: nothing failed"):
@@ -52,12 +53,12 @@ def test_only_some_are_chosen_by_patterns_and_controls_bring_their_checks():
 
 
 def test_the_suite_has_all_parts_names_of_its_own_and_scenes_that_are_shipped():
-    plan = suite()
-    names = [item.name for item in plan.items]
+    names = [item.name for item in suite()]
     assert len(set(names)) == len(names)
-    assert len(plan.controls) > 50
-    assert {item.method for item in plan.costs} >= {FEM, FV, "fv-order2", "fem-p4-imex4"}
-    checks = [item.check for item in plan.checks]
+    assert sum(isinstance(item, Control) for item in suite()) > 50
+    costed = {item.method for item in suite() if isinstance(item, Costed)}
+    assert costed >= {FEM, FV, "fv-order2", "fem-p4-imex4"}
+    checks = [getattr(item, "check", None) for item in suite()]
     assert all(load_scene(one.scene).name == one.scene for one in checks if isinstance(one, Compared))
 
 
@@ -132,13 +133,13 @@ def test_seconds_go_with_the_reference_kernel(night, tmp_path):
         assert known.expected(stubs[1]) == pytest.approx(slower * 2 * left.seconds)
         assert known.expected(Stub("never run", 7.0)) == pytest.approx(slower * 7)
     quick = past(tmp_path / HISTORY, 1e-3 * KERNEL)
-    planned = chosen(Plan((Stub("large", 9.0), *stubs)), (), False, quick)
-    assert [item.name for item in planned.items] == ["over", "stopped", "large"]
+    planned = chosen((Stub("large", 9.0), *stubs), (), False, quick)
+    assert [item.name for item in planned] == ["over", "stopped", "large"]
 
 
 def test_checks_are_guessed_in_the_order_of_what_they_take():
     """What takes longest on the finest meshes and had looked cheap came first, and nothing else was run."""
-    guesses = {item.name: item.guess for item in suite().checks}
+    guesses = {item.name: item.guess for item in suite()}
     fine = guesses["compare fig14-four-fronts fem-p1-paper fv-coupled refine 5"]
     middle = guesses["compare growing-disk fem-p1-paper fv-coupled refine 4"]
     quick = guesses["compare static-decay fem-p1-paper fv-coupled refine 3"]
@@ -160,7 +161,7 @@ def test_a_night_that_judges_nothing_is_not_green(night):
 
 @pytest.mark.slow
 def test_a_process_that_dies_is_red_and_one_that_is_killed_is_not_run(tmp_path):
-    plan = Plan((Stub("dies", how="dies"), Stub("fine"), Stub("killed", how="killed")))
+    plan = Stub("dies", how="dies"), Stub("fine"), Stub("killed", how="killed")
     assert spend(Wish(tmp_path), plan, executor(1)) == 1
     kept = only_night(tmp_path)
     assert [one.trouble for one in kept.done] == ["broke down: its process ended with exit code 7", ""]

@@ -229,7 +229,7 @@ def test_claims_have_a_light_and_a_key_of_their_own(tmp_path):
 
 @pytest.mark.slow
 def test_a_free_viscoelastic_rim_under_pressure_is_studied(tmp_path):
-    checks = [item for item in suite().checks if isinstance(item, Checked)]
+    checks = [item for item in suite() if isinstance(item, Checked)]
     studied = [item for item in checks if getattr(item.check, "scene", "") == "fitted-ring-elastic"]
     assert studied
     with in_this_process():

@@ -11,10 +11,12 @@ import typer
 from actin_xcheck.cli.options import Json, Quiet, command
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from contextlib import AbstractContextManager
 
     from actin_xcheck.cli.output import NightAnswer
-    from actin_xcheck.nightly.plan import Plan, Wish
+    from actin_xcheck.nightly.items import Item
+    from actin_xcheck.nightly.plan import Wish
     from actin_xcheck.nightly.record import Kept
     from actin_xcheck.runs.executor import Executor
 
@@ -67,7 +69,7 @@ def nightly_command(
 
 def spend(
     wish: "Wish",
-    suite: "Plan",
+    suite: "Sequence[Item]",
     processes: "AbstractContextManager[Executor]",
     away: bool = False,
     as_json: bool = False,

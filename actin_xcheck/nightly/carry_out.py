@@ -36,16 +36,16 @@ from actin_xcheck.nightly.history import (
     remember,
 )
 from actin_xcheck.nightly.items import Checked, Control, Item, NotDecided, night_long, no_verdict
-from actin_xcheck.nightly.plan import Plan, Tonight
+from actin_xcheck.nightly.plan import Tonight
 from actin_xcheck.nightly.record import FILE_NAME, STUDY, Done, Kept, Kind, NotRun, Number, write_night
 from actin_xcheck.runs.alone import prepare, work_alone
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.executor import Executor, Lost, how_ended, in_turn
 from actin_xcheck.runs.machine import forget_peak, peak_memory
 from actin_xcheck.runs.version import check_code, code
+from actin_xcheck.studies.faults import hunt
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.fault import Calls
-from actin_xcheck.studies.faults.hunt import control, missed
 from actin_xcheck.studies.study import Alone, Batch, Report, Study, Table, Task, Tell, report_of
 
 PATIENCE, LEAST_PATIENCE = 10.0, 300.0
@@ -279,7 +279,9 @@ def carry_through(
 
 def night(tonight: Tonight, away: bool = False, patience: float = LEAST_PATIENCE) -> Study:
     """A night's checks, then its costs one by one on this machine, then its controls."""
-    plan, known, fault = tonight.plan, tonight.known, tonight.kept.begun.fault
+    known, fault = tonight.known, tonight.kept.begun.fault
+    controls = [item for item in tonight.items if isinstance(item, Control)]
+    others = [item for item in tonight.items if not isinstance(item, Control)]
 
     def tasks(items: Sequence[Item]) -> list[Task]:
         found = []
@@ -289,10 +291,10 @@ def night(tonight: Tonight, away: bool = False, patience: float = LEAST_PATIENCE
             found.append(Task(carry_out, asked, seconds, lost=_left_out, alone=item.timed, turn=turn))
         return found
 
-    later = sum(known.expected(item) for item in plan.controls)
-    answers: list[Done | NotRun] = yield Batch(tasks([*plan.checks, *plan.costs]), later)
-    controls, undecided = _controls(plan, answers, known.pace)
-    answers += yield tasks(sorted(controls, key=known.order))
+    later = sum(known.expected(item) for item in controls)
+    answers: list[Done | NotRun] = yield Batch(tasks(others), later)
+    ready, undecided = _controls(controls, list(zip(others, answers, strict=True)), known.pace)
+    answers += yield tasks(sorted(ready, key=known.order))
     over = tuple(one for one in answers if isinstance(one, Done))
     left_out = (*(one for one in answers if isinstance(one, NotRun)), *undecided)
     return Report("", "", {"checks": Table("Checks", over), "not run": Table("Not run", left_out)})
@@ -305,31 +307,29 @@ def _left_out(asked: Asked, lost: Lost) -> Done | NotRun:
 
 
 def _controls(
-    plan: Plan, answers: Sequence[Done | NotRun], pace: float
+    controls: Sequence[Control], judged: Sequence[tuple[Item, Done | NotRun]], pace: float
 ) -> tuple[list[Control], list[NotRun]]:
     """The controls with the checks that are green and call what they replace, the quickest first.
 
     Their guesses are tonight's seconds, in those that take `pace` of them.
     """
-    done = {one.name: one for one in answers if isinstance(one, Done)}
-    green = sorted(
-        (
-            (item, done[item.name])
-            for item in plan.checks
-            if isinstance(item, Checked) and item.name in done and not done[item.name].red
-        ),
-        key=lambda pair: (not pair[0].check.bounded, pair[1].seconds),
-    )
-    whole = all(item.name in done for item in plan.checks)
+    green = [
+        (item.check, one)
+        for item, one in judged
+        if isinstance(item, Checked) and isinstance(one, Done) and not one.red
+    ]
+    green.sort(key=lambda pair: (not pair[0].bounded, pair[1].seconds))
+    whole = all(isinstance(one, Done) for item, one in judged if not item.timed)
     ready, undecided = [], []
-    for one in plan.controls:
-        ours = [(item.check, over.seconds) for item, over in green if one.target in over.reached]
-        checks = tuple(check for check, _ in ours)
-        if checks or whole:
+    for control in controls:
+        ours = [(check, one.seconds) for check, one in green if control.target in one.reached]
+        if ours or whole:
             guess = sum(seconds for _, seconds in ours[:TRIED]) / pace
-            ready.append(replace(one, guess=guess, checks=checks, whole=whole))
+            checks = tuple(check for check, _ in ours)
+            ready.append(replace(control, guess=guess, checks=checks, whole=whole))
         else:
-            undecided.append(NotRun(one.name, "no check that calls what it replaces was run and is green"))
+            why = "no check that calls what it replaces was run and is green"
+            undecided.append(NotRun(control.name, why))
     return ready, undecided
 
 
@@ -355,5 +355,5 @@ def _fault_missed(history: Path, kept: Kept) -> list[Done]:
         return []
     passed = tuple(one.name for one in kept.done)
     why = f"missed: none of the night's {len(passed)} checks turned red"
-    claim = control(missed(FAULTS[kept.begun.fault], passed, why))
+    claim = hunt.control(hunt.missed(FAULTS[kept.begun.fault], passed, why))
     return [Done(f"fault {kept.begun.fault}", (claim,), ("",))]

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -63,9 +62,6 @@ KERNEL = 0.055
 COST_SCENE, COST_REFINE, COST_STEPS, COST_RTOL = "fig14-four-fronts", 3, 40, 1e-4
 
 
-Some = TypeVar("Some", bound=Item)
-
-
 @dataclass(frozen=True)
 class Past:
     """What the history says of checks, by name.
@@ -92,34 +88,14 @@ class Past:
         usual = self.seconds.get(item.name, self.pace * item.guess)
         return max(usual, 2 * self.stopped.get(item.name, 0.0))
 
-    def order(self, item: Item) -> tuple[bool, float, float]:
-        """By which items are sorted: failed last, often failing, cheap."""
-        return item.name not in self.failed, -self.often.get(item.name, 0.0), self.expected(item)
+    def order(self, item: Item) -> tuple[bool, bool, bool, float, float]:
+        """By which items are sorted: checks, controls, costs; of each failed last, often failing, cheap."""
+        failed, often = item.name in self.failed, self.often.get(item.name, 0.0)
+        return item.timed, isinstance(item, Control), not failed, -often, self.expected(item)
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What a night tries, each part in order.
-
-    Attributes
-    ----------
-    checks : of the harness.
-    controls : negative controls, which need the checks.
-    costs : measured one by one.
-    """
-
-    checks: tuple[Item, ...]
-    controls: tuple[Control, ...] = ()
-    costs: tuple[Item, ...] = ()
-
-    @property
-    def items(self) -> tuple[Item, ...]:
-        """All of it."""
-        return (*self.checks, *self.controls, *self.costs)
-
-
-def suite() -> Plan:
-    """Everything there is."""
+def suite() -> tuple[Item, ...]:
+    """Everything there is: checks of the harness, controls, which need them, costs, measured one by one."""
     checks = [Checked(check, _guess(check)) for check in (*SUITE, *EXTRA)]
     controls = [Control(name, GUESSED) for name in FAULTS]
     costs = [
@@ -127,7 +103,7 @@ def suite() -> Plan:
         for name, method in METHODS.items()
         if not method.driven_by
     ]
-    return Plan(tuple(checks), tuple(controls), tuple(costs))
+    return (*checks, *controls, *costs)
 
 
 def _guess(check: Check) -> float:
@@ -188,25 +164,24 @@ def _name(key: str) -> str:
     return key.split("/", 1)[1]
 
 
-def chosen(plan: Plan, only: Sequence[str], failed: bool, known: Past) -> Plan:
-    """The part of a plan that was asked for, in order.
+def chosen(items: Sequence[Item], only: Sequence[str], failed: bool, known: Past) -> tuple[Item, ...]:
+    """The items that were asked for, in order.
 
     Parameters
     ----------
-    plan : everything.
+    items : everything.
     only : patterns of names, as a shell's; all without any.
     failed : whether to leave out what did not fail when it was run last.
     known : the past.
 
     Controls bring the checks along that they are held against.  UserError where nothing is left.
     """
-    wanted = {item.name for item in plan.items}
+    wanted = {item.name for item in items}
     if only:
         for pattern in only:
             if not any(fnmatchcase(name, pattern) for name in wanted):
-                some = ", ".join(
-                    item.name for item in (*plan.checks[:3], *plan.controls[:1], *plan.costs[:1])
-                )
+                first = {type(item): item.name for item in reversed(items)}  # of each kind
+                some = ", ".join(reversed(first.values()))
                 raise UserError(
                     f"--only: no check is called {pattern!r}; valid: such as {some}; * and ? match"
                 )
@@ -215,13 +190,9 @@ def chosen(plan: Plan, only: Sequence[str], failed: bool, known: Past) -> Plan:
         wanted &= known.failed
         if not wanted:
             raise UserError("--failed: nothing failed when it was run last; valid: without")
-    controls = [item for item in plan.controls if item.name in wanted]
-    quick = {check.name for check in SUITE} if controls else set()
-    return Plan(
-        tuple(sorted((i for i in plan.checks if i.name in wanted | quick), key=known.order)),
-        tuple(sorted(controls, key=known.order)),
-        tuple(sorted((i for i in plan.costs if i.name in wanted), key=known.order)),
-    )
+    if any(isinstance(item, Control) and item.name in wanted for item in items):
+        wanted |= {check.name for check in SUITE}
+    return tuple(sorted((item for item in items if item.name in wanted), key=known.order))
 
 
 @dataclass(frozen=True)
@@ -258,57 +229,56 @@ class Wish:
 class Tonight:
     """A night that has begun: what it tries, what the past says, how far it has come, the budget's end."""
 
-    plan: Plan
+    items: tuple[Item, ...]
     known: Past
     kept: Kept
     deadline: float
 
 
-def planned(wish: Wish, suite: Plan, known: Past) -> Plan:
+def planned(wish: Wish, suite: Sequence[Item], known: Past) -> tuple[Item, ...]:
     """What a night will try, of what there is and is known; UserError for a mistake in what was asked."""
     if wish.resume and (wish.only or wish.failed or wish.fault or wish.baseline):
         raise UserError(
             "--resume: goes on with what the night was begun with; "
             "valid: without --only, --failed, --fault and --baseline"
         )
-    plan = chosen(suite, wish.only, wish.failed, known)
-    if wish.fault:
-        plan = with_fault(plan, wish.fault)
+    items = with_fault(chosen(suite, wish.only, wish.failed, known), wish.fault)
     if wish.baseline:
         find_night(read_nights(wish.history), wish.baseline)
-    return plan
+    return items
 
 
-def with_fault(plan: Plan, fault: str) -> Plan:
-    """A plan for a night with a deliberate fault: its checks need not tell what they call."""
+def with_fault(items: Sequence[Item], fault: str) -> tuple[Item, ...]:
+    """The items of a night; with a deliberate fault its checks alone, which need not tell what they call."""
+    if not fault:
+        return tuple(items)
     with night_long(fault):
-        checks = (replace(item, watches=False) if isinstance(item, Checked) else item for item in plan.checks)
-        return Plan(tuple(checks))
+        return tuple(replace(item, watches=False) for item in items if isinstance(item, Checked))
 
 
 @contextmanager
-def begun(wish: Wish, suite: Plan, kernel: float) -> Iterator[Tonight]:
+def begun(wish: Wish, suite: Sequence[Item], kernel: float) -> Iterator[Tonight]:
     """Begin a night in a folder of its own, or go on with one, and have that folder to oneself.
 
     What the same code has answered is taken up, as in any study; `kernel` is what the reference kernel takes,
     in seconds.  UserError where there is nothing to go on with, or a check that was planned is no more.
     """
     now, known = time.time(), past(wish.history, kernel)
-    plan = planned(wish, suite, known)
+    items = planned(wish, suite, known)
     folder = unfinished(wish.reports).folder if wish.resume else night_folder(wish.reports, datetime.now(UTC))
     with locked(folder / FILE_NAME):
         if wish.resume:
             kept = unfinished(wish.reports)
-            plan = _gone_on_with(kept, suite)
+            items = _gone_on_with(kept, suite)
             kept = replace(kept, done=(), begun=replace(kept.begun, versions=provenance()))
         else:
-            kept = Kept(folder, _begun(folder.name, wish, plan, kernel))
+            kept = Kept(folder, _begun(folder.name, wish, items, kernel))
         write_night(kept)
         minutes, spent = (wish.minutes, 0.0) if wish.minutes else (kept.begun.minutes, kept.seconds)
-        yield Tonight(plan, known, kept, now + 60 * minutes * (1 - PAGES) - spent)
+        yield Tonight(items, known, kept, now + 60 * minutes * (1 - PAGES) - spent)
 
 
-def _begun(name: str, wish: Wish, plan: Plan, kernel: float) -> Begun:
+def _begun(name: str, wish: Wish, items: Sequence[Item], kernel: float) -> Begun:
     return Begun(
         name=name,
         date=datetime.now(UTC).isoformat(
@@ -320,24 +290,19 @@ def _begun(name: str, wish: Wish, plan: Plan, kernel: float) -> Begun:
         minutes=wish.minutes or math.inf,
         fault=wish.fault,
         baseline=wish.baseline,
-        planned=tuple(item.name for item in plan.items),
+        planned=tuple(item.name for item in items),
         kernel=kernel,
     )
 
 
-def _gone_on_with(kept: Kept, suite: Plan) -> Plan:
+def _gone_on_with(kept: Kept, suite: Sequence[Item]) -> tuple[Item, ...]:
     """What a night had planned, in its order."""
-    place = {name: number for number, name in enumerate(kept.begun.planned)}
-    if gone := [name for name in place if name not in {item.name for item in suite.items}]:
+    known = {item.name: item for item in suite}
+    if gone := [name for name in kept.begun.planned if name not in known]:
         raise UserError(
             f"--resume: {kept.folder} planned {gone[0]!r}, which is no check any more; valid: without"
         )
-
-    def ours(part: Sequence[Some]) -> tuple[Some, ...]:
-        return tuple(sorted((i for i in part if i.name in place), key=lambda item: place[item.name]))
-
-    plan = Plan(ours(suite.checks), ours(suite.controls), ours(suite.costs))
-    return with_fault(plan, kept.begun.fault) if kept.begun.fault else plan
+    return with_fault([known[name] for name in kept.begun.planned], kept.begun.fault)
 
 
 def night_folder(reports: Path, moment: datetime) -> Path:
