@@ -13,14 +13,13 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.carry_out import ended
 from actin_xcheck.nightly.dashboard import lights, sparkline, write_dashboard, write_night_page
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
-from actin_xcheck.nightly.history import Series, remember
+from actin_xcheck.nightly.history import remember
 from actin_xcheck.nightly.record import (
     FILE_NAME,
     Begun,
     Done,
     Kept,
     Kind,
-    Night,
     NotRun,
     Number,
     read_night,
@@ -31,15 +30,12 @@ from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
 from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints
 from tests.claims import claim
+from tests.histories import series
 from tests.lab import FEM, FV
 from tests.test_report import SCRIPT, Tags, write_comparison_of_everything
 
 NIGHTS = 9
-CHECKS = (
-    "compare static-decay fem-p1-paper fv-coupled refine 3",
-    "converge fitted-ring in h",
-    "fault fv-leak",
-)
+CHECKS = "compare static-decay fem-p1-paper fv-coupled refine 3", "converge fitted-ring in h", "fault fv-leak"
 
 
 def done(check: str, night: int, slope: float) -> Done:
@@ -105,14 +101,11 @@ def test_the_dashboard_says_how_it_stands_and_what_changed(reports: Path) -> Non
     assert "3 of 5 claims hold in the last night, 2026-03-09" in text
     assert "deliberate fault: fem-leak" in text
     assert "100 -> 150 (+50 %)" in text
-    assert re.search(
-        r"2026-03-06 ?step, worse solves/compare .* ?\(\+50 %\)commit aaaaaaaaaaaa -> bbbbbbbbbbbb", text
-    )
+    grew = r"2026-03-06 ?step, worse solves/compare .* ?\(\+50 %\)commit aaaaaaaaaaaa -> bbbbbbbbbbbb"
+    assert re.search(grew, text)
     page = (reports / "index.html").read_text()
     assert "9 nights, red: 2026-03-09" in page
-    assert (
-        len(re.findall(r'<td class="line"><svg class="spark"', page)) == 6
-    )  # claims of the last night with a number
+    assert page.count('<td class="line"><svg class="spark"') == 6  # claims of the last night with a number
     assert page.count('class="change"') == 2 + 2 + 1  # work grew; checks and a claim turned red
 
 
@@ -143,12 +136,8 @@ def test_what_files_say_is_text_and_never_markup(reports: Path, last: Path) -> N
 def test_links_between_pages_lead_somewhere(reports: Path, last: Path) -> None:
     for page in (reports / "index.html", last):
         for link in Tags(page).attributes("a", "href"):
-            if (
-                link
-                and not link.startswith("#")
-                and "checks/" not in link
-                and not link.endswith(("json", "xml"))
-            ):
+            apart = not link or link.startswith("#") or "checks/" in link or link.endswith(("json", "xml"))
+            if not apart:
                 target, _, anchor = link.partition("#")
                 found = page.parent / target
                 assert found.is_file(), link
@@ -181,20 +170,13 @@ def test_scenes_are_a_click_from_night_and_dashboard(reports: Path, last: Path, 
     assert not Tags(write_night_page(night)).attributes("img", "alt")
 
 
-def test_tables_have_heads_for_those_who_cannot_see_them(reports: Path, last: Path) -> None:
+def test_pages_are_light_and_tables_have_heads_for_those_who_cannot_see(reports: Path, last: Path) -> None:
     for page in (reports / "index.html", last):
+        assert page.stat().st_size < 200_000
         tags = Tags(page)
         assert all(tags.attributes("th", "scope"))
-        assert all(
-            attributes.get("aria-label")
-            for tag, attributes in tags.tags
-            if tag == "svg" and "role" in attributes
-        )
-
-
-def test_pages_are_light(reports: Path, last: Path) -> None:
-    assert last.stat().st_size < 200_000
-    assert (reports / "index.html").stat().st_size < 200_000
+        drawn = [attributes for tag, attributes in tags.tags if tag == "svg" and "role" in attributes]
+        assert all(attributes.get("aria-label") for attributes in drawn)
 
 
 def test_a_folder_without_nights_and_a_damaged_one(tmp_path: Path) -> None:
@@ -206,21 +188,18 @@ def test_a_folder_without_nights_and_a_damaged_one(tmp_path: Path) -> None:
         write_night_page(tmp_path / "broken")
 
 
-def series(values: list[float], kind: Kind = Kind.ERROR) -> Series:
-    nights = tuple(Night(f"n{i}", f"2026-01-{i + 1:02d}", "c", {}, "m") for i in range(len(values)))
-    return Series("key", kind, "", nights, np.array(values))
-
-
 def test_sparklines_say_and_draw_the_same() -> None:
-    drawn = sparkline(series([1.0, 10.0, np.nan, 100.0]), {"n3"})
-    assert "4 nights: 1 to 100, between 1 and 100; changed in n3" in drawn
+    line = series("key", Kind.ERROR, [1.0, 10.0, np.nan, 100.0])
+    drawn = sparkline(line, {line.nights[3].name})
+    assert "4 nights: 1 to 100, between 1 and 100; changed in 2026-03-04" in drawn
     lines = re.findall(r'points="([^"]*)"', drawn)
     heights = [float(point.split(",")[1]) for line in lines for point in line.split()]
     assert len(lines) == 2  # nothing is drawn where there is no number
     assert heights == pytest.approx([19.0, 11.0, 3.0])  # a logarithm, upwards
-    assert len(set(re.findall(r",([\d.]+)", sparkline(series([1.0, 1.0 + 1e-9, 1.0]))))) == 1
-    assert "no number" in sparkline(series([np.nan]))
-    assert "1 night: 2 to 2" in sparkline(series([2.0]))
+    level = sparkline(series("key", Kind.ERROR, [1.0, 1.0 + 1e-9, 1.0]))
+    assert len(set(re.findall(r",([\d.]+)", level))) == 1
+    assert "no number" in sparkline(series("key", Kind.ERROR, [np.nan]))
+    assert "1 night: 2 to 2" in sparkline(series("key", Kind.ERROR, [2.0]))
 
 
 def test_lights_are_told_apart_without_colours() -> None:

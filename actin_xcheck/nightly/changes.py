@@ -1,9 +1,8 @@
 """Which numbers changed, in which night and with which commit: steps, slow drifts, what is too new to say.
 
-Segmentations are the best ones in least squares (`ruptures`); how many segments there are follows from the
-t test of the best single step, whose threshold bounds false alarms over all places where a step may be.  The
-nights in which a step may have come in follow Siegmund, Confidence sets in change-point problems, Int. Stat.
-Rev. 56 (1988).
+Segmentations are the best ones in least squares (`ruptures`), as many as the t test of the best single step
+allows, whose threshold bounds false alarms over all places.  The nights in which a step may have come in follow
+Siegmund, Confidence sets in change-point problems, Int. Stat. Rev. 56 (1988).
 
 What slows the code down slows several of its times down in the same night.  So noisy steps of one kind and
 direction, within one machine where that matters, share a night wherever one night is likely enough for all:
@@ -221,10 +220,10 @@ def _joint(group: Sequence[_Found]) -> _Cause:
     return _Cause(group, nights, int(np.argmin(losses)), (int(near[0]), int(near[-1]))).with_news(losses)
 
 
-def _nights(steps: Iterable[_Found]) -> tuple[Night, ...]:
+def _nights(steps: Iterable[_Found]) -> list[Night]:
     """The nights of any of the series, in order."""
     nights = {night.name: night for one in steps for night in one.series.nights}
-    return tuple(sorted(nights.values(), key=lambda night: night.date))
+    return sorted(nights.values(), key=lambda night: night.date)
 
 
 def _correlation(group: Sequence[_Found], nights: Sequence[Night]) -> float:
@@ -316,8 +315,8 @@ def _steps(y: Array, round_off: float, whole: float) -> tuple[list[Change], floa
         if (said := explained(firsts)) < least:
             best, least = firsts, said
     edges, wider = [0, *best, len(y)], _persistence(_off_means(y, best)) / whole
-    steps = [_step(y, begin, end, wider) for begin, end in zip(edges, edges[2:], strict=False)]
-    return [step for step in steps if step is not None and step.p < FALSE_ALARM], least
+    steps = (_step(y, begin, end, wider) for begin, end in zip(edges, edges[2:], strict=False))
+    return [step for step in steps if step and step.p < FALSE_ALARM], least
 
 
 def _persistence(noise: Array) -> float:
