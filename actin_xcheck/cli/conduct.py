@@ -1,6 +1,7 @@
 """How every study is commanded: one set of options, one rule for folders, one way to say what came out."""
 
 import inspect
+import math
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -88,19 +89,21 @@ def carry_out(
     wanted = jobs_asked(jobs, scheduler)
     with studies.at_work(make_folder(folder), force), Progress(quiet) as progress:
         with executor(wanted, scheduler) as processes:
-            tell = _saying_the_cost(progress, processes.workers)
+            tell = saying_the_cost(progress, processes.workers)
             report = studies.carry_out(name, study, folder, command(), processes, tell)
         return report, page_of(folder / f"{name}.h5")
 
 
-def _saying_the_cost(progress: "Progress", workers: int) -> "Tell":
-    """Tell progress, and first of all what is to come: what is asked for first, shared by so many workers."""
+def saying_the_cost(progress: "Progress", workers: int, most: float = math.inf) -> "Tell":
+    """Tell progress, and first of all what is to come: what is asked for first, shared by so many workers, or
+    all the seconds there are.
+    """
     said = False
 
     def tell(label: str, over: float, whole: float) -> None:
         nonlocal said
         if not said and whole > over:
-            progress.say(f"{label}: about {lasting((whole - over) / workers)}")
+            progress.say(f"{label}: about {lasting(min((whole - over) / workers, most))}")
         said = True
         progress.report(label, over, whole)
 

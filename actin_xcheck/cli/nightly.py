@@ -86,6 +86,7 @@ def spend(
     kernel : seconds that the reference kernel takes; None: to be measured.
     how : see `carry_through`.
     """
+    from actin_xcheck.cli.conduct import saying_the_cost
     from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import replace_file
@@ -96,8 +97,10 @@ def spend(
 
     seconds = kernel or float(reference_kernel()[0])
     with processes as workers, begun(wish, suite, seconds) as tonight:
-        with Progress(quiet, tonight.deadline - time.time()) as progress:
-            kept = carry_through(tonight, wish.history, workers, progress.report, away, **how)
+        left = tonight.deadline - time.time()
+        with Progress(quiet, left) as progress:
+            tell = saying_the_cost(progress, workers.workers, left)
+            kept = carry_through(tonight, wish.history, workers, tell, away, **how)
         replace_file(kept.folder / JUNIT, junit(kept))
         write_scene_pages(kept.folder)
         answer = _answer(kept, write_night_page(kept.folder))

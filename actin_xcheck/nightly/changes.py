@@ -1,7 +1,7 @@
 """Which numbers changed, in which night and with which commit: steps, slow drifts, what is too new to say.
 
 Segmentations are the best ones in least squares (`ruptures`), as many as the t test of the best single step
-allows, whose threshold bounds false alarms over all places.  The nights in which a step may have come in follow
+allows, whose threshold bounds false alarms over all places.  The nights in which a step may have come follow
 Siegmund, Confidence sets in change-point problems, Int. Stat. Rev. 56 (1988).
 
 What slows the code down slows several of its times down in the same night.  So noisy steps of one kind and
