@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from actin_xcheck.cli import conduct
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.alone import work_alone
-from actin_xcheck.runs.executor import Lost, executor
+from actin_xcheck.runs.executor import Lost, executor, in_turn
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
@@ -208,6 +209,18 @@ def test_progress_counts_expected_seconds_and_what_was_known(tmp_path):
     told.clear()
     carry(tmp_path, squares([1, 3, 4]), tell=lambda *one: told.append(one))
     assert told[:2] == [("squares", 4, 8), ("squares", 8, 8)]
+
+
+@pytest.mark.parametrize(("numbers", "said"), [([3, 9], "about 12 s"), ([0], ""), ([270, 90], "about 6 min")])
+def test_what_it_costs_is_said_before_its_first_run_and_not_where_nothing_is_run(
+    numbers, said, tmp_path, capsys
+):
+    for expected in (said, ""):
+        with in_turn():
+            conduct.carry_out("squares", squares(numbers), tmp_path, False, 1, None, quiet=False)
+        lines = capsys.readouterr().err.splitlines()
+        assert [line for line in lines if "about" in line] == ([f"squares: {expected}"] if expected else [])
+        assert not expected or lines.index(f"squares: {expected}") == 0
 
 
 def test_the_file_holds_tables_claims_and_exhibits(tmp_path):
