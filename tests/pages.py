@@ -21,7 +21,7 @@ from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.distort.study import distort
-from actin_xcheck.studies.extremes.plan import Level, Trial
+from actin_xcheck.studies.extremes.attempt import Level, Trial
 from actin_xcheck.studies.extremes.study import extremes
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.hunt import hunt

@@ -15,15 +15,13 @@ from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.closures import growth
+from actin_xcheck.studies.closures import measure as growth
 from actin_xcheck.studies.closures.findings import (
     JUDGED,
     departure,
     ladders,
 )
-from actin_xcheck.studies.closures.growth import Ripples, measure
-from actin_xcheck.studies.closures.refinement import Course, Rim, follow
-from actin_xcheck.studies.closures.rims import distance, roughness
+from actin_xcheck.studies.closures.measure import Course, Rim, Ripples, distance, follow, measure, roughness
 from actin_xcheck.studies.closures.study import METHODS, ROUGH_SCENE, Followed, Ripple, closures, plan
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import write_report

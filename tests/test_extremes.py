@@ -10,11 +10,17 @@ from actin_xcheck.cli.app import main
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text
-from actin_xcheck.studies.extremes.approach import Approach, least_dilation
-from actin_xcheck.studies.extremes.attempt import attempt
-from actin_xcheck.studies.extremes.breakdown import agreement, breakdowns
-from actin_xcheck.studies.extremes.plan import BREAKDOWNS, CARRIED, Level, Trial, trials
-from actin_xcheck.studies.extremes.study import extremes
+from actin_xcheck.studies.extremes.attempt import (
+    BREAKDOWNS,
+    CARRIED,
+    Approach,
+    Level,
+    Trial,
+    attempt,
+    least_dilation,
+    trials,
+)
+from actin_xcheck.studies.extremes.study import agreement, breakdowns, extremes
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import answered, write_report
 from fem.frames import Lattice

@@ -167,7 +167,7 @@ def extremes(only: Only = None) -> "Study":
     --only takes scenes of the study.  About six minutes.  Exit code 1 where methods disagree on the end.
     """
     from actin_xcheck.core.errors import UserError
-    from actin_xcheck.studies.extremes.plan import trials
+    from actin_xcheck.studies.extremes.attempt import trials
     from actin_xcheck.studies.extremes.study import extremes as study
 
     every = trials()

@@ -8,8 +8,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.closures.growth import BASE, Spectrum
-from actin_xcheck.studies.closures.refinement import Rim
+from actin_xcheck.studies.closures.measure import BASE, Rim, Spectrum
 from actin_xcheck.theory.ripples import advance_per_fold, ripple_exponent
 
 JUDGED = 0.4

@@ -10,9 +10,8 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.accuracy import LEVELS, Level
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.distort.cases import Case, Family, cases_of
+from actin_xcheck.studies.distort.cases import Answer, Case, Converged, Family, answer_of, cases_of, converged
 from actin_xcheck.studies.distort.findings import Pair, Row, chapter_of, sentence_of
-from actin_xcheck.studies.distort.measure import Answer, Converged, answer_of, converged
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 TRUTH_LEVELS = LEVELS[3:5]

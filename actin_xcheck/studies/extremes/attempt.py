@@ -1,4 +1,8 @@
-"""One run to its end, or to the model's or the mesh's; and beside a twin as long as both go on."""
+"""One run to its end, or to the model's or the mesh's; and beside a twin as long as both go on.
+
+From F = dx/dxi the dilation is phi = 2 - tr F^-1, as in the pressure (2.5); it is read at the quadrature
+points of what a method stores of a state, the same for all methods.
+"""
 
 import time
 from dataclasses import dataclass, field, replace
@@ -6,20 +10,152 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.contract import Problem, Solver, State
+from actin_xcheck.core.contract import Grid, Problem, Solver, State
+from actin_xcheck.core.lagrange import rule
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import Tolerance, checked_step, integrate
-from actin_xcheck.runs.method import SHAPES, SOUNDNESS, load
+from actin_xcheck.runs.method import METHODS, SHAPES, SOUNDNESS, Method, load
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, solver_for
 from actin_xcheck.scene.resolve import resolve
-from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.extremes.approach import Approach
-from actin_xcheck.studies.extremes.plan import SEED, Trial
+from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.theory.dispersion import sigma_prime
+
+EPSILON, SEED = 1e-14, 1
+"""Relative size of the perturbation that makes a twin, and the seed of its noise."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One mesh of a method, and the largest local error of its steps."""
+
+    method: str
+    refine: int
+    rtol: float
+
+    @property
+    def of(self) -> Method:
+        """The method."""
+        return METHODS[self.method]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run.
+
+    Attributes
+    ----------
+    scene : a shipped name.
+    level : how it is run.
+    remesh : whether the mesh is replaced when it is about to fold.
+    epsilon : of the twin that runs beside it; 0 without one.
+    """
+
+    scene: str
+    level: Level
+    remesh: bool = False
+    epsilon: float = 0.0
+
+    @property
+    def loaded(self) -> Scene:
+        """The scene."""
+        return load_scene(self.scene)
+
+    @property
+    def command(self) -> str:
+        """What makes its numbers again; `run` tells neither the breakdown nor how twins part."""
+        return command("extremes", only=self.scene)
+
+
+def _ladder(method: str, rtol: float, *refines: int) -> tuple[Level, ...]:
+    """Meshes, coarsest first, and the coarsest one again with a tolerance ten times as large."""
+    return (*(Level(method, refine, rtol) for refine in refines), Level(method, refines[0], 10 * rtol))
+
+
+LINEAR, CUBIC = _ladder("fem-p1-imex2", 1e-7, 4, 5, 6), _ladder("fem-p3-imex4", 1e-8, 2, 3, 4)
+VOLUMES = _ladder("fv-order2", 1e-7, 3, 4, 5)
+
+BREAKDOWNS = {
+    "fig18-nonuniform-contraction-viscoelastic": (LINEAR, CUBIC, VOLUMES),
+    "sec54-not-shown-viscoelastic": (LINEAR, CUBIC),
+    "sec54-failure-viscoelastic": (LINEAR, CUBIC),
+    "fig19-protrusions-viscoelastic": (LINEAR, CUBIC),
+    "sec6-long-viscoelastic": (_ladder("fem-p2-imex3", 1e-5, 3, 4, 5),),
+}
+"""Scenes whose model ends, and the ladders of methods that say when; see `_ladder`."""
+
+CARRIED = {
+    "sec54-failure": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 4, 1e-6)),
+    "sec54-not-shown": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 3, 1e-6)),
+    "fig18-nonuniform-contraction": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 3, 1e-6)),
+    "fig19-protrusions": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 3, 1e-6)),
+    "sec6-long-viscous": (Level("fem-p2-imex3", 3, 1e-4),),
+}
+"""Scenes that the model carries through, each run as it is and with remeshing."""
+
+TWINS = (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 4, 1e-6))
+"""How the scene of the article's failure is run beside a twin."""
+
+
+def trials() -> list[Trial]:
+    """Every run, the longest first."""
+    twins = [Trial("sec54-failure", level, epsilon=EPSILON) for level in TWINS]
+    carried = [
+        Trial(scene, level, remesh)
+        for scene, levels in CARRIED.items()
+        for level in levels
+        for remesh in (True, False)
+    ]
+    ended = [
+        Trial(scene, level) for scene, ladders in BREAKDOWNS.items() for ladder in ladders for level in ladder
+    ]
+    return twins + carried + ended
+
+
+def least_dilation(grid: Grid, x: Array) -> tuple[float, Array]:
+    """The smallest 1 + phi on a grid whose nodes are at x (2, N), and the material point (2,) it is at."""
+    points = rule(grid.order, 2 * grid.order)
+    before, now = (np.einsum("ajq,iae->ijqe", points.slopes, nodes[:, grid.cells]) for nodes in (grid.xi, x))
+    (x_r, x_s), (y_r, y_s) = now
+    adjugate = np.array([[y_s, -x_s], [-y_r, x_r]])
+    trace = np.einsum("ijqe,jiqe->qe", before, adjugate) / (x_r * y_s - x_s * y_r)
+    where = np.unravel_index(trace.argmax(), trace.shape)
+    return float(3 - trace[where]), points.blend(grid.xi, grid.cells)[:, where[0], where[1]]
+
+
+@dataclass
+class Approach:
+    """Watches a run; rows are (t, smallest 1 + phi), `place` where it is in the last state."""
+
+    solver: Solver
+    rows: list[tuple[float, float]] = field(default_factory=list)
+    place: Array = field(default_factory=lambda: np.zeros(2))
+    residual: float = 0.0
+    last: State | None = None
+
+    def record(self, dt: float, state: State) -> None:
+        """See every state."""
+        least, self.place = least_dilation(self.solver.grid, self.solver.frame(state).x)
+        self.rows.append((state.t, least))
+        self.residual = max(self.residual, abs(state.balance_residual))
+        self.last = state
+
+    def frame(self, state: State) -> None:
+        """Output times mean nothing here."""
+
+    @property
+    def breakdown(self) -> float:
+        """When 1 + phi reaches zero: the root of the line through the last two states.
+
+        Steps that pass it are rejected and shortened, so that the last ones lie close to it.
+        """
+        (t0, y0), (t1, y1) = self.rows[-2:]
+        return t1 - y1 * (t1 - t0) / (y1 - y0)
+
 
 STEPS = 40
 """No step is longer than this part of the time."""
