@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.mesh import Indices, Symmetry
 from actin_xcheck.core.model import Array, Closure
-from fem.kernels import Pattern, bincount
+from actin_xcheck.core.pattern import Pattern, bincount
 from fem.space import Space
 
 

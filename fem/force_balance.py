@@ -8,12 +8,12 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
+from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Move
 from actin_xcheck.core.linear import Preconditioner, SymmetricSolver
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from fem.anchor import Anchor
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.mesh import Bases, separate
 from fem.space import Space

@@ -18,6 +18,7 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
+from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import (
     Frame,
     Grid,
@@ -36,7 +37,6 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import Outcome
-from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.frames import Lattice
 from fem.measures import cell_means, locate, measure, orientation

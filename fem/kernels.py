@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.pattern import Pattern, bincount
 from fem import forms
 
 
@@ -148,36 +149,6 @@ class RimSample(Sample):
     def _vectors(self) -> Array:
         """Vector basis functions at the points, (component, a, i, q, e)."""
         return np.einsum("aqe,ki->kaiqe", self.rule.values, np.eye(2))
-
-
-def bincount(places: Indices, entries: Array, size: int) -> Array:
-    """Sums of the entries (k,) that share a place (k,), (size,)."""
-    return np.bincount(places, entries, size).astype(np.float64, copy=False)
-
-
-class Pattern:
-    """Sums entries given by row and column into a CSR matrix whose sparsity is found once.
-
-    Parameters
-    ----------
-    rows, columns : where each entry goes, (k,).
-    size : order of the matrix.
-    """
-
-    def __init__(self, rows: Indices, columns: Indices, size: int) -> None:
-        places, self._place = np.unique(rows * size + columns, return_inverse=True)
-        self.size = size
-        self.rows, self.columns = np.divmod(places, size)
-        self._indptr = np.searchsorted(self.rows, np.arange(size + 1)).astype(np.int32)
-        self._indices = self.columns.astype(np.int32)
-
-    def sum(self, entries: Array) -> sp.csr_matrix:
-        """Return the matrix of entries (k,)."""
-        return self.matrix(bincount(self._place, entries, self._indices.size))
-
-    def matrix(self, data: Array) -> sp.csr_matrix:
-        """Return the matrix with these values, one for each of `rows` and `columns`, zeros included."""
-        return sp.csr_matrix((data, self._indices, self._indptr), (self.size, self.size))
 
 
 class Scatter:

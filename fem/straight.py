@@ -9,7 +9,8 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from fem.kernels import Sample, bincount
+from actin_xcheck.core.pattern import bincount
+from fem.kernels import Sample
 from fem.space import Space
 
 PAIRS = ((0, 1), (1, 2), (2, 0))

@@ -49,12 +49,22 @@ def vertex_interpolation(faces: Faces, x: Array) -> sp.csr_matrix:
     """Linear-exact interpolation from cell averages to vertices, (N, n_cells).
 
     A least-squares plane through the centroids around each vertex; cells at the rim are mirrored across
-    their rim face, which carries n.grad a = 0 (2.1f) into the fit.  About the mean place of its n values the
-    plane's weights are 1/n + (offset of the vertex).S^-1 (offset of the value), S being the values' scatter.
+    their rim face, which carries n.grad a = 0 (2.1f) into the fit.
+    """
+    weights, star = linear_weights(faces, x, _places(faces, x)), faces.star
+    # a cell on the rim comes twice, with its mirror image: products sum the two
+    return sp.csr_matrix((weights, star.cell, star.indptr), (x.shape[1], faces.mesh.triangles.shape[1]))
+
+
+def linear_weights(faces: Faces, x: Array, places: Array) -> Array:
+    """Weights (k,) of the values of `faces.star`, which are at `places` (2, n), in the vertices' planes.
+
+    About the mean place of its n values a plane's weights are 1/n + (offset of the vertex).S^-1 (offset of
+    the value), S being the values' scatter.
     """
     star = faces.star
     first = star.indptr[:-1]
-    offset = _places(faces, x)[:, star.value] - x[:, star.vertex]
+    offset = places[:, star.value] - x[:, star.vertex]
     count = np.diff(star.indptr)
     mean = np.add.reduceat(offset, first, axis=1) / count
     px, py = offset - mean[:, star.vertex]
@@ -62,9 +72,8 @@ def vertex_interpolation(faces: Faces, x: Array) -> sp.csr_matrix:
     determinant = xx * yy - xy**2
     slope_x = (yy * mean[0] - xy * mean[1]) / determinant
     slope_y = (xx * mean[1] - xy * mean[0]) / determinant
-    weights = (1 / count)[star.vertex] - slope_x[star.vertex] * px - slope_y[star.vertex] * py
-    # a cell on the rim comes twice, with its mirror image: products sum the two
-    return sp.csr_matrix((weights, star.cell, star.indptr), (x.shape[1], faces.mesh.triangles.shape[1]))
+    weights: Array = (1 / count)[star.vertex] - slope_x[star.vertex] * px - slope_y[star.vertex] * py
+    return weights
 
 
 def _places(faces: Faces, x: Array) -> Array:

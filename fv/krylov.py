@@ -72,8 +72,35 @@ def factorise(matrix: sp.csr_matrix) -> Inverse | None:
     return solve
 
 
+def iterate(
+    apply: Inverse, rhs: Array, inverse: Inverse, goal: float, most: int, guess: Array | None = None
+) -> Array:
+    """BiCGStab (van der Vorst, SIAM J. Sci. Stat. Comput. 13, 1992), for the caller to check.
+
+    Parameters
+    ----------
+    apply, rhs : the system, (n,).
+    inverse : that of a matrix nearby.
+    goal : relative residual at which to stop.
+    most : iterations, of two applications each.
+    guess : where to start, (n,); 0 without one.
+    """
+    WORK[SOLVES] += 1
+    shape = (rhs.size, rhs.size)
+    found: Array = spl.bicgstab(
+        spl.LinearOperator(shape, apply, dtype=np.float64),
+        rhs,
+        x0=guess,
+        rtol=goal,
+        atol=0.0,
+        maxiter=most,
+        M=spl.LinearOperator(shape, inverse, dtype=np.float64),
+    )[0]
+    return found
+
+
 def solve(operator: Operator, rhs: Array, guess: Array, inverse: Inverse | None) -> tuple[Array, Outcome]:
-    """Solve by BiCGStab (van der Vorst, SIAM J. Sci. Stat. Comput. 13, 1992), directly where that fails.
+    """Solve a system of transport by iteration, directly where that fails.
 
     Parameters
     ----------
@@ -88,17 +115,7 @@ def solve(operator: Operator, rhs: Array, guess: Array, inverse: Inverse | None)
     scale = float(np.linalg.norm(rhs))
     if inverse is None or not np.isfinite(scale) or scale == 0.0:
         return linear.solve(operator.matrix(), rhs)
-    WORK[SOLVES] += 1
-    shape = operator.two_point.shape
-    a, _ = spl.bicgstab(
-        spl.LinearOperator(shape, operator, dtype=np.float64),
-        rhs,
-        x0=guess,
-        rtol=GOAL,
-        atol=0.0,
-        maxiter=ITERATIONS,
-        M=spl.LinearOperator(shape, inverse, dtype=np.float64),
-    )
+    a = iterate(operator, rhs, inverse, GOAL, ITERATIONS, guess)
     residual = rhs - operator(a)
     # a constant has no flux: it takes out of the sum of all rows what the iteration left there
     a = a + residual.sum() / operator(np.ones_like(a)).sum()

@@ -122,6 +122,16 @@ class Faces:
         return np.flatnonzero(self.cells[1] < 0)
 
     @cached_property
+    def places(self) -> Indices:
+        """The place beyond each face, (n_faces,): the second cell, on the rim the face itself.
+
+        Places are the cells, then the faces on the rim.
+        """
+        places = self.cells[1].copy()
+        places[self.rim] = self.mesh.triangles.shape[1] + np.arange(self.rim.size)
+        return places
+
+    @cached_property
     def star(self) -> Star:
         """The values that each vertex is interpolated from."""
         triangles, (start, end) = self.mesh.triangles, self.nodes[:, self.rim]
@@ -134,19 +144,22 @@ class Faces:
         return Star(vertex[order], cell[order], value[order], indptr)
 
     @cached_property
+    def ends(self) -> Indices:
+        """Numbers 3 i + c of corner c of cell i at both ends of every face, (2 cells, 2 ends, n_faces).
+
+        The second cell of a face on the rim is its first one.
+        """
+        cells = np.where(self.cells < 0, self.cells[0], self.cells)
+        at = self.mesh.triangles[:, cells][:, :, None] == self.nodes  # (3, 2 cells, 2 ends, n_faces)
+        return 3 * cells[:, None] + at.argmax(axis=0)
+
+    @cached_property
     def corners(self) -> Indices:
-        """Numbers 3 i + c of corner c of cell i at both ends of the interior faces, (4 n_interior,).
+        """Those of the interior faces, (4 n_interior,).
 
         In the first cell the ends, then the starts; the same in the second.
         """
-        start, end = self.nodes[:, self.interior]
-        return np.concatenate(
-            [
-                3 * cell + (self.mesh.triangles[:, cell] == node).argmax(axis=0)
-                for cell in self.cells[:, self.interior]
-                for node in (end, start)
-            ]
-        )
+        return self.ends[:, ::-1, self.interior].ravel()
 
     def geometry(self, x: Array) -> tuple[Array, Array]:
         """Of the interior faces with nodes at x: outward area vector of the first cell and centroid distance.

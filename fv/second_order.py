@@ -105,7 +105,7 @@ class FvSecondOrder(FvDiamond):
         """Velocities of the nodes now; of no use where the motion is prescribed."""
         if isinstance(self.mechanics, PrescribedMotion):
             return Move(here.x, np.zeros_like(here.x))
-        return self.mechanics.flow(here.t, here.x, self.corners(here))
+        return self.moved_by(here).flow(here.t, here.x, self.corners(here))
 
     def _place(self, state: FvState, dt: float, stage: _Stage, rates: list[Move]) -> Array:
         """Node positions of a stage, (2, N)."""
@@ -147,6 +147,7 @@ class FvSecondOrder(FvDiamond):
             net_force=(float(force[0]), float(force[1])),
             net_torque=_blend(weights.explicit, [move.net_torque for move in rates]),
             local_error=self._error(new, dt, rates, solutions),
+            anchor=self.next_anchor(old, new.x, len(STAGES)),
         )
 
     def _error(self, new: FvState, dt: float, rates: list[Move], solutions: list[_Solution]) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from actin_xcheck.core import linear
+from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
 from actin_xcheck.core.mesh import Mesh, integral, orientation, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array
@@ -13,14 +14,22 @@ from actin_xcheck.core.outcome import Outcome
 from fv import krylov
 from fv.diamond import over_relaxed_split, reconstruct, two_point, vertex_interpolation
 from fv.equations import TransportEquation
+from fv.mechanics import FvForceBalance
 from fv.mesh import Faces
 
 
 @dataclass(frozen=True)
 class FvState(State):
-    """A `State` with cell averages `a` (n_cells,) and the corner values of their reconstruction."""
+    """A `State` with cell averages `a` (n_cells,).
+
+    Attributes
+    ----------
+    corner_values : those of their reconstruction, (3, n_cells).
+    anchor : where the finite volumes' own force balance is preconditioned in the next step.
+    """
 
     corner_values: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    anchor: Anchor | None = None
 
 
 class FvDiamond(Polygonal):
@@ -30,7 +39,7 @@ class FvDiamond(Polygonal):
     ----------
     problem : what to solve.
     mesh : the reference mesh.
-    mechanics : who moves the nodes: the force balance loaded by our own corner values (`coupled`), a
+    mechanics : who moves the nodes: a force balance loaded by our own corner values, ours or a lent one, a
         recorded or a prescribed motion (`driven`).
     """
 
@@ -54,7 +63,20 @@ class FvDiamond(Polygonal):
             return FvState(0.0, x, a, np.zeros_like(x), corner_values=np.broadcast_to(a, (3, a.size)))
         corners = reconstruct(self.mesh.triangles, a, vertex_interpolation(self.faces, x) @ a)
         v = self.mechanics.velocity(0.0, x, corners)
-        return FvState(0.0, x, a, v, corner_values=corners)
+        return FvState(0.0, x, a, v, corner_values=corners, anchor=Anchor(x))
+
+    def moved_by(self, state: FvState) -> Mechanics:
+        """The mechanics, our own force balance preconditioned where the state says."""
+        if state.anchor is None or not isinstance(self.mechanics, FvForceBalance):
+            return self.mechanics
+        return self.mechanics.near(state.anchor)
+
+    def next_anchor(self, old: FvState, x: Array, solves: int) -> Anchor | None:
+        """Where to precondition after a step of so many force balances that led to x (2, N)."""
+        kept = old.anchor
+        if kept is None or not isinstance(self.mechanics, FvForceBalance):
+            return kept
+        return Anchor(x) if kept.worn(self.mesh.triangles, old.x, x, solves) else kept
 
     def corners(self, state: State) -> Array:
         """Corner values (3, n_cells) of the scheme's linear reconstruction."""
@@ -64,7 +86,7 @@ class FvDiamond(Polygonal):
     def step(self, state: State, dt: float) -> tuple[FvState, Outcome]:
         """Move the nodes, then one conservative backward Euler step between the two configurations."""
         assert isinstance(state, FvState)
-        move = self.mechanics.advance(state.t, dt, state.x, self.corners(state))
+        move = self.moved_by(state).advance(state.t, dt, state.x, self.corners(state))
         new = replace(
             state, t=state.t + dt, x=move.x, v=move.v, net_force=move.net_force, net_torque=move.net_torque
         )
@@ -72,13 +94,15 @@ class FvDiamond(Polygonal):
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
 
     def memento(self, state: State) -> Memento:
-        """The state with the corner values, which load the next force balance."""
+        """The state with the corner values, which load the next force balance, and where that is preconditioned."""
         assert isinstance(state, FvState)
-        return {**remembered(state), "corner_values": state.corner_values}
+        where = {} if state.anchor is None else {"anchor": state.anchor.x}
+        return {**remembered(state), "corner_values": state.corner_values, **where}
 
     def restored(self, memento: Memento) -> FvState:
         """The state again."""
-        return FvState(**recalled(memento), corner_values=memento["corner_values"])
+        anchor = Anchor(memento["anchor"]) if "anchor" in memento else None
+        return FvState(**recalled(memento), corner_values=memento["corner_values"], anchor=anchor)
 
     def _transport(self, old: FvState, new: FvState, dt: float) -> tuple[FvState, Outcome]:
         triangles, model = self.mesh.triangles, self.problem.model
@@ -101,7 +125,8 @@ class FvDiamond(Polygonal):
             area(old.x, triangles),
             float(source @ volumes),
         )
-        return replace(new, a=a, corner_values=corners, balance_residual=residual), outcome
+        anchor = self.next_anchor(old, new.x, 1)
+        return replace(new, a=a, corner_values=corners, balance_residual=residual, anchor=anchor), outcome
 
     def _source(self, t: float, x: Array) -> Array:
         if self.problem.source is None:

@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from actin_xcheck.core import linear
+from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.linear import SymmetricSolver
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure
@@ -15,7 +16,6 @@ from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
-from fem.anchor import Anchor
 from fem.force_balance import ForceBalance
 from fem.space import Space
 from fem.transport import TransportSolver

@@ -18,7 +18,10 @@ ENTRY_POINTS = "actin_xcheck.methods"
 """The group of entry points, NAME = "module:attribute": the attribute is a `Method` of that name."""
 
 FORCE_BALANCE = "fem.force_balance:ForceBalance"
-"""The one Mechanics that solves the force balance; finite volumes borrow it."""
+"""The finite elements' force balance; finite volumes may borrow it."""
+
+FV_FORCE_BALANCE = "fv.mechanics:FvForceBalance"
+"""The finite volumes' own."""
 
 RADIAL = "fem.reduced.radial:Radial"
 """One ray of an axisymmetric cell."""
@@ -56,6 +59,7 @@ class Method:
     description : one line for lists and reports.
     options : further arguments of the solver by name, among them `space` where elements are not P1.
     adaptive : whether it estimates its error in time, so that it can choose its steps.
+    mechanics : "module:Class" of the force balance that moves its nodes: the finite elements', or one's own.
     """
 
     name: str
@@ -66,6 +70,7 @@ class Method:
     description: str
     options: tuple[tuple[str, int], ...] = ()
     adaptive: bool = False
+    mechanics: str = FORCE_BALANCE
 
     @property
     def space(self) -> int:
@@ -103,12 +108,31 @@ METHODS = {
             "the article's scheme (B.23): P1 elements on moving triangles, first order in time",
         ),
         Method(
+            "fv",
+            "fv.second_order:FvSecondOrder",
+            None,
+            2,
+            2,
+            "finite volumes throughout: a force balance of their own, FiPy's transport, second order in time",
+            adaptive=True,
+            mechanics=FV_FORCE_BALANCE,
+        ),
+        Method(
+            "fv-paper",
+            "fv.solver:FvDiamond",
+            None,
+            2,
+            1,
+            "the same force balance and transport in steps like the article's (B.23), first order in time",
+            mechanics=FV_FORCE_BALANCE,
+        ),
+        Method(
             "fv-coupled",
             "fv.solver:FvDiamond",
             None,
             2,
             1,
-            "FiPy finite volumes with the linear-exact cross flux; their values load the force balance",
+            "FiPy finite volumes with the linear-exact cross flux; their values load the elements' force balance",
         ),
         Method(
             "fv-order2",

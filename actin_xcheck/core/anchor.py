@@ -1,12 +1,14 @@
 """Configurations in which systems were factorised, to precondition those of the steps that follow."""
 
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
-from actin_xcheck.core.linear import Preconditioner
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
+
+Made = TypeVar("Made")
 
 WEAR = 0.2
 """Square of the strain that wears an anchor out, over the strain of a step.
@@ -28,13 +30,14 @@ class Anchor:
 
     def __init__(self, x: Array) -> None:
         self.x = x
-        self._made: dict[float | str, Preconditioner | None] = {}
+        self._made: dict[float | str, Any] = {}
 
-    def factor(self, name: float | str, make: Callable[[], Preconditioner | None]) -> Preconditioner | None:
+    def factor(self, name: float | str, make: Callable[[], Made]) -> Made:
         """Return what was made under a name, or make it."""
         if name not in self._made:
             self._made[name] = make()
-        return self._made[name]
+        found: Made = self._made[name]
+        return found
 
     def worn(self, cells: Indices, old: Array, new: Array, solves: int = 1) -> bool:
         """Whether a new anchor is cheaper than iterations, after a step from old to new positions (2, N).

@@ -1,0 +1,234 @@
+"""The force balance (3.2) by finite volumes, as a Mechanics: cells' velocities balance, vertices follow.
+
+Unknown are the velocities of the cells and of the faces on the rim.  Each cell's tractions and active stress
+balance; so do those on a rim face, as far as its closure lets it move:
+
+    sum_f (sigma_v + sigma_e + f I) S = 0 in a cell,    (sigma_v + sigma_e + f I) S = f_rim S on the rim.
+
+Gradients are those of `stress.py`.  Vertex velocities are interpolated from the places around, exactly for
+linear fields, and move the mesh; displacements u = x - xi are known at the vertices, so that the elastic
+stress and the dilation are known too.
+
+Where delta jumps, f does, and so does the velocity's normal derivative.  Continuity of the traction makes of
+the two sides' f its mean, weighted by the places' distances, in the face's balance; it also says what the
+jump of the derivative is, which the interpolation at the ring's vertices takes out of the outer values.
+"""
+
+from copy import copy
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from actin_xcheck.core.anchor import Anchor
+from actin_xcheck.core.contract import Move
+from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.model import Array, Closure, Model, Rheology
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
+from fv import krylov
+from fv.boundary import Ties, settle
+from fv.mesh import Faces
+from fv.stress import Assembly, Diamonds, Moduli, traction
+from fv.system import System
+
+
+@dataclass(frozen=True, eq=False)
+class _Loads:
+    """What is known before velocities are.
+
+    Attributes
+    ----------
+    on_faces : (sigma_e + f I) S, (2, n_faces).
+    on_rim : f S outside of the boundary's faces, and the wall's friction, (2, n_boundary).
+    jump : of the velocity's normal derivative across the ring's faces, (2, n_ring).
+    dilation : the smallest one of each cell, (n_cells,).
+    """
+
+    on_faces: Array
+    on_rim: Array
+    jump: Array
+    dilation: Array
+
+
+class FvForceBalance:
+    """Cell-centred force balance on the current configuration; see this module.
+
+    Parameters
+    ----------
+    model : constitutive laws, rheology, closure and delta.
+    mesh : the reference mesh; displacements are u = x - xi.
+    """
+
+    def __init__(self, model: Model, mesh: Mesh) -> None:
+        self.model, self.mesh = model, mesh
+        self.faces = faces = Faces.of(mesh)
+        self.delta = model.delta_on_cells(mesh.centroids)
+        self.ties = Ties(model.closure, faces)
+        self.assembly = Assembly(faces, self.ties.unknown, self.ties.size)
+        first, second = faces.cells[:, faces.interior]
+        self.ring = faces.interior[self.delta[first] != self.delta[second]]
+        self._anchor = Anchor(mesh.xi)
+
+    def start(self, x: Array) -> Array:
+        """Initial positions (2, N), with the rim where the closure wants it."""
+        return self.settle(x)
+
+    def settle(self, x: Array) -> Array:
+        """Put rim vertices back onto the wall of `irrotational-wall`."""
+        return settle(self.model.closure, self.faces, x)
+
+    def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+        """Move the vertices from x (2, N) at t, elastic stress implicit as in (B.23a)."""
+        move = self._move(t, dt, x, corners)
+        return move if not move.outcome.ok else Move(
+            self.settle(x + dt * move.v), move.v, move.outcome, move.net_force, move.net_torque
+        )
+
+    def velocity(self, t: float, x: Array, corners: Array) -> Array:
+        """The instantaneous vertex velocities (2, N)."""
+        return self.flow(t, x, corners).v
+
+    def flow(self, t: float, x: Array, corners: Array) -> Move:
+        """The same as a Move that leaves the vertices at x, with its Outcome and the gauge's loads."""
+        return self._move(t, 0.0, x, corners)
+
+    def moduli(self, dt: float) -> Moduli:
+        """Of the stress of velocities within a step: viscous, and dt times the elastic ones."""
+        (mu1, mu2), (one, nu_prime) = self.model.viscous_moduli(), self.model.elastic_moduli()
+        return mu1 + dt * one, mu2 + dt * nu_prime
+
+    def displacement(self, x: Array) -> Array:
+        """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
+        return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
+
+    def near(self, anchor: Anchor) -> Self:
+        """Return the same, its systems preconditioned at an anchor instead of on the reference cell."""
+        other = copy(self)
+        other._anchor = anchor
+        return other
+
+    def _move(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+        """The velocities at x (2, N), where the vertices stay."""
+        diamonds, moduli = Diamonds.at(self.faces, x), self.moduli(dt)
+        loads = self.loads(diamonds, x, corners, moduli)
+        outcome = self._dilation_outcome(t, loads.dilation)
+        if not outcome.ok:
+            return Move(x, np.zeros_like(x), outcome)
+        system = System(self.ties, self.assembly, diamonds, x, moduli)
+        kink = self._kink(diamonds, x, system.interpolation, loads.jump)
+        load = self.assembly.load(loads.on_faces)
+        load[:, -self.faces.rim.size :] += loads.on_rim
+        found, outcome = system.solve(
+            load.T.ravel() - system.from_vertices(system.projected(kink)), self._factor
+        )
+        v = system.without_rigid_motion(system.at_vertices(found) + system.projected(kink))
+        return Move(x, v, outcome, *system.net(found))
+
+    def _factor(self) -> krylov.Inverse | None:
+        """Of the two-point part at the anchor."""
+        x = self._anchor.x
+
+        def made() -> krylov.Inverse | None:
+            diamonds = Diamonds.at(self.faces, x)
+            return System(self.ties, self.assembly, diamonds, x, self.moduli(0.0)).factor()
+
+        return self._anchor.factor("force balance", made)
+
+    def loads(self, diamonds: Diamonds, x: Array, corners: Array, moduli: Moduli) -> _Loads:
+        """Elastic and active tractions at x (2, N) under corner values (3, n_cells)."""
+        faces, model, u = self.faces, self.model, self.displacement(x)
+        area, ring = diamonds.area, self.ring
+        a = corners.T.ravel()[faces.ends].mean(axis=(0, 1))
+        in_cells, on_rim = u[:, self.mesh.triangles].mean(axis=1), u[:, faces.nodes[:, faces.rim]].mean(axis=1)
+        gradient = diamonds.gradient(np.hstack([in_cells, on_rim]), u)
+        elastic = traction(gradient, area, model.elastic_moduli())
+        phi = gradient[0, 0] + gradient[1, 1]
+        # both sides of a face; on the ring each side has its own gradient
+        first, second = faces.cells[0], np.where(faces.cells[1] < 0, faces.cells[0], faces.cells[1])
+        own = _gradients(x, self.mesh, u)
+        dilation = own[0, 0] + own[1, 1]
+        sides = np.stack([phi, phi])
+        sides[:, ring] = dilation[[first[ring], second[ring]]]
+        f = model.active_stress(a, sides, self.delta[np.stack([first, second])])
+        middle = diamonds.places[:, first] - x[:, faces.nodes].mean(axis=1)
+        share = -(middle * area).sum(axis=0) / diamonds.reach  # of the first side in D.S; 1 on the rim
+        mean = share * f[0] + (1 - share) * f[1]
+        own_elastic = [
+            traction(own[:, :, cells[ring]], area[:, ring], model.elastic_moduli()) for cells in (first, second)
+        ]
+        across = (f[1] - f[0])[ring] * area[:, ring] + own_elastic[1] - own_elastic[0]
+        return _Loads(
+            on_faces=mean * area + elastic,
+            on_rim=self._on_rim(area, a, phi, on_rim),
+            jump=_jump(across, area[:, ring], moduli),
+            dilation=np.minimum(dilation, self._least(phi)),
+        )
+
+    def _on_rim(self, area: Array, a: Array, phi: Array, u: Array) -> Array:
+        """f_rim S on the rim, less the wall's elastic friction of displacements u (2, n_boundary) along it."""
+        model, rim = self.model, self.faces.rim
+        s = area[:, rim]
+        load = model.active_stress(a[rim], phi[rim], model.delta_on_rim()) * s
+        if model.closure is Closure.IRROTATIONAL_WALL:
+            edge = np.array([-s[1], s[0]])
+            load -= model.elastic_moduli()[0] * (u * edge).sum(axis=0) / np.hypot(*s) * edge
+        return np.where(self.ties.on_rim, load, 0.0)
+
+    def _least(self, phi: Array) -> Array:
+        """The smallest of the faces' values (n_faces,) around each cell."""
+        least: Array = phi[self.faces.of_cell].min(axis=0)
+        return least
+
+    def _kink(self, diamonds: Diamonds, x: Array, weights: Array, jump: Array) -> Array:
+        """What the jump of the normal derivative adds to interpolated velocities, (2, N)."""
+        faces, ring, star, count = self.faces, self.ring, self.faces.star, x.shape[1]
+        if not ring.size:
+            return np.zeros_like(x)
+        outwards = np.where(self.delta[faces.cells[0, ring]] == 0, 1.0, -1.0) * diamonds.area[:, ring]
+        ends = faces.nodes[:, ring].ravel()
+        normal = np.array([np.bincount(ends, np.tile(part, 2), count) for part in outwards])
+        normal /= np.where(np.hypot(*normal) > 0, np.hypot(*normal), 1.0)
+        meeting = np.bincount(ends, minlength=count)
+        slope = np.array([np.bincount(ends, np.tile(part, 2), count) for part in jump])
+        slope /= np.maximum(meeting, 1)
+        beyond = np.concatenate([self.delta, self.delta[faces.cells[0, faces.rim]]])[star.value] > 0
+        offset = diamonds.places[:, star.value] - x[:, star.vertex]
+        height = np.where(beyond, (normal[:, star.vertex] * offset).sum(axis=0), 0.0)
+        return -np.bincount(star.vertex, weights * height, count) * slope
+
+    def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:
+        """1 + phi <= 0 is where the pressure (2.5) ends."""
+        worst = int(np.argmin(dilation))
+        if self.model.parameters.p == 0 or 1 + dilation[worst] > 0:
+            return COMPLETED
+        where = self.mesh.centroids[:, worst]
+        message = (
+            f"1 + phi = {1 + dilation[worst]:.3g} at t = {t:.6g} in the triangle that started at "
+            f"({where[0]:.3f}, {where[1]:.3f}): the pressure (2.5) is singular there"
+        )
+        return Outcome(Ending.SINGULAR_DILATION, message)
+
+
+def _gradients(x: Array, mesh: Mesh, u: Array) -> Array:
+    """Gradients (2 components, 2, n_cells) of vertex values u (2, N) within the triangles at x."""
+    corners, values = x[:, mesh.triangles], u[:, mesh.triangles]
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    twice = one[0] * two[1] - one[1] * two[0]
+    first, second = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    across = np.array([two[1], -two[0]]) / twice
+    along = np.array([-one[1], one[0]]) / twice
+    gradients: Array = first[:, None] * across + second[:, None] * along
+    return gradients
+
+
+def _jump(across: Array, area: Array, moduli: Moduli) -> Array:
+    """The jump g of the normal derivative that cancels a jump of tractions `across` areas S, both (2, n).
+
+    (m1/2) (g + n n.g) + m2 n n.g = -across/|S|.
+    """
+    m1, m2 = moduli
+    length = np.hypot(*area)
+    n = area / np.where(length > 0, length, 1.0)
+    stress = -across / length
+    normal = (stress * n).sum(axis=0) * n
+    return (stress - normal) * 2 / m1 + normal / (m1 + m2)
