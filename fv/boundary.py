@@ -8,6 +8,7 @@ The straight sides of a sector are mirror lines: v.n = 0 and no shear traction.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from actin_xcheck.core.mesh import Indices, Symmetry
 from actin_xcheck.core.model import Array, Closure
@@ -34,13 +35,13 @@ class Ties:
         mesh = faces.mesh
         self.closure, self.mesh = closure, mesh
         self._start, self._end = faces.nodes[:, faces.rim]
-        self.on_rim = np.ones(faces.rim.size, dtype=bool)
+        self.on_rim: NDArray[np.bool_] = np.ones(faces.rim.size, dtype=bool)
         self._sides = np.zeros((2, mesh.xi.shape[1]), dtype=bool)
         self._along = np.zeros((2, faces.rim.size))
         if mesh.symmetry is not None:
             self._sides = mesh.symmetry.on_sides(mesh.xi)
             on = self._sides[:, self._start] & self._sides[:, self._end]
-            self.on_rim = ~on.any(axis=0)
+            self.on_rim = ~(on[0] | on[1])
             self._along = mesh.symmetry.sides[:, np.where(on[0], 0, 1)]
         self.places = mesh.triangles.shape[1] + faces.rim.size
         self._free = self.on_rim & (closure is Closure.TRACTION_FREE)

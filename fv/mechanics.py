@@ -80,8 +80,10 @@ class FvForceBalance:
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the vertices from x (2, N) at t, elastic stress implicit as in (B.23a)."""
         move = self._move(t, dt, x, corners)
-        return move if not move.outcome.ok else Move(
-            self.settle(x + dt * move.v), move.v, move.outcome, move.net_force, move.net_torque
+        return (
+            move
+            if not move.outcome.ok
+            else Move(self.settle(x + dt * move.v), move.v, move.outcome, move.net_force, move.net_torque)
         )
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
@@ -119,7 +121,8 @@ class FvForceBalance:
         load = self.assembly.load(loads.on_faces)
         load[:, -self.faces.rim.size :] += loads.on_rim
         found, outcome = system.solve(
-            load.T.ravel() - system.from_vertices(system.projected(kink)), self._factor
+            load.T.ravel() - system.from_vertices(system.projected(kink)),
+            self._factor,
         )
         v = system.without_rigid_motion(system.at_vertices(found) + system.projected(kink))
         return Move(x, v, outcome, *system.net(found))
@@ -139,7 +142,10 @@ class FvForceBalance:
         faces, model, u = self.faces, self.model, self.displacement(x)
         area, ring = diamonds.area, self.ring
         a = corners.T.ravel()[faces.ends].mean(axis=(0, 1))
-        in_cells, on_rim = u[:, self.mesh.triangles].mean(axis=1), u[:, faces.nodes[:, faces.rim]].mean(axis=1)
+        in_cells, on_rim = (
+            u[:, self.mesh.triangles].mean(axis=1),
+            u[:, faces.nodes[:, faces.rim]].mean(axis=1),
+        )
         gradient = diamonds.gradient(np.hstack([in_cells, on_rim]), u)
         elastic = traction(gradient, area, model.elastic_moduli())
         phi = gradient[0, 0] + gradient[1, 1]
@@ -154,7 +160,8 @@ class FvForceBalance:
         share = -(middle * area).sum(axis=0) / diamonds.reach  # of the first side in D.S; 1 on the rim
         mean = share * f[0] + (1 - share) * f[1]
         own_elastic = [
-            traction(own[:, :, cells[ring]], area[:, ring], model.elastic_moduli()) for cells in (first, second)
+            traction(own[:, :, cells[ring]], area[:, ring], model.elastic_moduli())
+            for cells in (first, second)
         ]
         across = (f[1] - f[0])[ring] * area[:, ring] + own_elastic[1] - own_elastic[0]
         return _Loads(
@@ -165,7 +172,7 @@ class FvForceBalance:
         )
 
     def _on_rim(self, area: Array, a: Array, phi: Array, u: Array) -> Array:
-        """f_rim S on the rim, less the wall's elastic friction of displacements u (2, n_boundary) along it."""
+        """f_rim S on the rim, less the wall's elastic friction of displacements u (2, n_boundary)."""
         model, rim = self.model, self.faces.rim
         s = area[:, rim]
         load = model.active_stress(a[rim], phi[rim], model.delta_on_rim()) * s

@@ -94,7 +94,7 @@ class FvDiamond(Polygonal):
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
 
     def memento(self, state: State) -> Memento:
-        """The state with the corner values, which load the next force balance, and where that is preconditioned."""
+        """The state, the corner values that load the next force balance and where that is preconditioned."""
         assert isinstance(state, FvState)
         where = {} if state.anchor is None else {"anchor": state.anchor.x}
         return {**remembered(state), "corner_values": state.corner_values, **where}

@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from actin_xcheck.core.mesh import quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
+from actin_xcheck.core.pattern import bincount
 from fv import krylov
 from fv.boundary import Ties, free_motions, rigid_motions
 from fv.diamond import linear_weights
@@ -61,8 +62,7 @@ class Gauge:
 
     def mean(self, v: Array) -> Array:
         """The mean rigid motion (k,) of velocities at the places, (2 n_places,)."""
-        mean: Array = np.linalg.solve(self.weighted @ self.motions.T, self.weighted @ v)
-        return mean
+        return np.asarray(np.linalg.solve(self.weighted @ self.motions.T, self.weighted @ v), np.float64)
 
 
 class System:
@@ -87,8 +87,12 @@ class System:
         self.weights = ties.weights(x)
         self._cross = assembly.cross(diamonds.cross(moduli))
         self._volumes = signed_areas(x, ties.mesh.triangles)
-        self.two_point = assembly.two_point(diamonds.two_point(moduli), self.weights) + self._friction(diamonds)
-        self.gauge = Gauge.of(ties, diamonds, self._volumes) if ties.closure is Closure.TRACTION_FREE else None
+        self.two_point = assembly.two_point(diamonds.two_point(moduli), self.weights) + self._friction(
+            diamonds
+        )
+        self.gauge = (
+            Gauge.of(ties, diamonds, self._volumes) if ties.closure is Closure.TRACTION_FREE else None
+        )
 
     def _friction(self, diamonds: Diamonds) -> sp.csr_matrix:
         """Of the wall of `irrotational-wall`, of unit radius: m1 |S| of the velocity along a rim face."""
@@ -122,7 +126,7 @@ class System:
 
     def restricted(self, load: Array) -> Array:
         """Loads (n,) on the unknowns of loads on the places, (2 n_places,)."""
-        return np.bincount(self.ties.unknown, self.weights * load, self.ties.size)
+        return bincount(self.ties.unknown, self.weights * load, self.ties.size)
 
     def __call__(self, q: Array) -> Array:
         """Apply to unknowns (n,)."""
@@ -135,7 +139,7 @@ class System:
 
     @property
     def _stiffness(self) -> float:
-        """Load per area and mean rigid motion: any number serves, one near the others is solved for fastest."""
+        """Load per area and mean rigid motion: any number serves, one near the others fastest."""
         return sum(self.moduli)
 
     @cached_property
@@ -161,15 +165,16 @@ class System:
         """
         rhs = self.restricted(load)
         scale, left = float(np.linalg.norm(rhs)), np.inf
-        if scale == 0.0:
-            return np.zeros_like(load), COMPLETED
         if not np.isfinite(scale):
             return np.full_like(load, np.nan), Outcome(Ending.NON_FINITE, "the load is not finite")
+        if scale == 0.0:
+            return np.zeros_like(load), COMPLETED
         for factor in (near, self.factor):
             inverse = factor()
             if inverse is None:
                 continue
-            q = krylov.iterate(self, rhs, inverse, GOAL, ITERATIONS)
+            # what the iteration takes for a breakdown is not relative to the load
+            q = scale * krylov.iterate(self, rhs / scale, inverse, GOAL, ITERATIONS)
             left = float(np.linalg.norm(rhs - self(q))) / scale
             if left <= ACCEPTED:
                 return self.at_places(q), COMPLETED
@@ -183,9 +188,7 @@ class System:
         """The net force and torque, about the centroid, that the gauge balances at velocities of places."""
         if self.gauge is None:
             return (0.0, 0.0), 0.0
-        force_x, force_y, torque = (
-            self.gauge.free @ (self.gauge.weighted @ (self._stiffness * v))
-        ).tolist()
+        force_x, force_y, torque = (self.gauge.free @ (self.gauge.weighted @ (self._stiffness * v))).tolist()
         return (force_x, force_y), torque
 
     def without_rigid_motion(self, v: Array) -> Array:

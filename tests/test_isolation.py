@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from actin_xcheck.runs.method import FORCE_BALANCE, METHODS
+from actin_xcheck.runs.method import METHODS
 
 BEYOND_A_SOLVER = {
     "actin_xcheck.scene.scene",
@@ -37,7 +37,9 @@ def ours(modules):
     return [name for name in modules if name.split(".")[0] in ("actin_xcheck", "fem", "fv")]
 
 
-@pytest.mark.parametrize("target", sorted({m.solver for m in METHODS.values()} | {FORCE_BALANCE}))
+@pytest.mark.parametrize(
+    "target", sorted({target for m in METHODS.values() for target in (m.solver, m.mechanics)})
+)
 def test_a_solver_loads_no_parser_no_theory_no_store_and_not_the_other_code(target):
     loaded = loaded_by(f"from actin_xcheck.runs.method import load\nload({target!r})")
     assert not loaded & BEYOND_A_SOLVER

@@ -132,7 +132,7 @@ METHODS = {
             None,
             2,
             1,
-            "FiPy finite volumes with the linear-exact cross flux; their values load the elements' force balance",
+            "FiPy finite volumes with the linear-exact cross flux; they load the elements' force balance",
         ),
         Method(
             "fv-order2",

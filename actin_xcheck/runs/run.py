@@ -18,7 +18,6 @@ from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.checkpoint import Keeper, earlier, taken_up
 from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import (
-    FORCE_BALANCE,
     HAND_OVER,
     METHODS,
     MODAL,
@@ -91,7 +90,8 @@ def solver_for(problem: Problem, method: Method, mesh: Mesh, mechanics: Mechanic
     if mechanics is None and problem.motion is not None:
         mechanics = PrescribedMotion(mesh.xi, problem.motion)
     elif mechanics is None:
-        mechanics = load(FORCE_BALANCE)(problem.model, mesh, method.space)
+        order = {"order": method.space} if method.space > 1 else {}
+        mechanics = load(method.mechanics)(problem.model, mesh, **order)
     solver: Solver = load(method.solver)(problem, mesh, mechanics, **dict(method.options))
     return solver
 
