@@ -40,11 +40,12 @@ def complaints(tab: Page, page: Path) -> list[str]:
 
 
 _DRAW = """async () => {
+  if (!document.getElementById("plotly")) return; // a page without scripts
   for (const chart of document.querySelectorAll(".chart")) {
     if (!chart.checkVisibility()) continue;
     chart.scrollIntoView({ block: "center" });
     for (const begun = Date.now(); !chart.told;) {
-      if (Date.now() - begun > 2e4) throw Error(`not drawn: ${chart.ariaLabel}`);
+      if (Date.now() - begun > 6e4) throw Error(`not drawn: ${chart.ariaLabel}`);
       await new Promise(resolve => setTimeout(resolve, 10));
     }
   }

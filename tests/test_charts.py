@@ -1,0 +1,220 @@
+"""Charts in a browser from file://: labels however far they are zoomed, mouse, keys, theme, paper, files."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from actin_xcheck.report.draw import draw
+from actin_xcheck.report.environment import environment
+from actin_xcheck.report.exhibits import Intervals, Line, Plot
+from actin_xcheck.report.figure import INK, RED, figure
+from actin_xcheck.runs.store import read_comparison
+from tests.browser import complaints
+from tests.legible import unreadable
+
+X = np.linspace(0, 1, 11)
+
+
+@pytest.fixture
+def area(tab: Page, page_of: Callable[[str], Path]) -> Page:
+    """A comparison's page, its first chart of the area in the middle of the window and called `chart`."""
+    assert complaints(tab, page_of("curves")) == []
+    tab.evaluate(
+        "chart = [...document.querySelectorAll('.chart')].find(one => one.ariaLabel.startsWith('Area'))"
+    )
+    tab.evaluate("chart.scrollIntoView({ block: 'center' })")
+    return tab
+
+
+def view(tab: Page) -> list[float]:
+    return tab.evaluate("[...chart.layout.xaxis.range, ...chart.layout.yaxis.range]")
+
+
+def place(tab: Page, across: float, up: float) -> tuple[float, float]:
+    box = tab.evaluate("chart.querySelector('.nsewdrag').getBoundingClientRect().toJSON()")
+    return box["left"] + across * box["width"], box["bottom"] - up * box["height"]
+
+
+def test_a_box_is_zoomed_to_and_a_double_click_shows_all(area: Page) -> None:
+    x0, x1, y0, y1 = first = view(area)
+    area.mouse.move(*place(area, 0.25, 0.2))
+    area.mouse.down()
+    area.mouse.move(*place(area, 0.5, 0.4))
+    area.mouse.move(*place(area, 0.75, 0.6))
+    area.mouse.up()
+    area.wait_for_function(f"chart.layout.xaxis.range[0] > {x0}")
+    expected = [x0 + 0.25 * (x1 - x0), x0 + 0.75 * (x1 - x0), y0 + 0.2 * (y1 - y0), y0 + 0.6 * (y1 - y0)]
+    assert view(area) == pytest.approx(expected, rel=0.02)
+    area.mouse.dblclick(*place(area, 0.5, 0.5))
+    area.wait_for_function(f"chart.layout.xaxis.range[0] < {x0 + 1e-3}")
+    assert view(area) == pytest.approx(first)
+
+
+def test_keys_zoom_move_and_read(area: Page) -> None:
+    x0, x1, *_ = first = view(area)
+    area.evaluate("chart.focus()")
+    area.keyboard.press("+")
+    nearer = view(area)
+    assert nearer[1] - nearer[0] == pytest.approx((x1 - x0) / 1.5)
+    area.keyboard.press("ArrowRight")
+    assert view(area)[0] == pytest.approx(nearer[0] + 0.2 * (nearer[1] - nearer[0]))
+    area.keyboard.press("0")
+    assert view(area) == pytest.approx(first)
+    for _ in range(2):
+        area.keyboard.press(".")
+    told = area.evaluate("chart.told.textContent")
+    area.mouse.move(0, 0)
+    assert re.fullmatch(r"t = 0.00\d+ · fem-p1-paper 3\.14\d+", told), told
+
+
+def test_the_wheel_zooms_where_it_is_asked_to_and_else_leaves_the_page_alone(area: Page) -> None:
+    first = view(area)
+    area.mouse.move(*place(area, 0.5, 0.5))
+    area.mouse.wheel(0, -10)
+    area.wait_for_timeout(100)
+    assert view(area) == first
+    area.evaluate("chart.focus({ preventScroll: true })")
+    area.mouse.move(*place(area, 0.5, 0.5))
+    area.mouse.wheel(0, -240)
+    area.wait_for_function(f"chart.layout.xaxis.range[0] > {first[0]}")
+    assert np.diff(view(area)[:2])[0] == pytest.approx(np.diff(first[:2])[0] / 2)
+
+
+def test_what_is_read_from_a_curve_is_what_is_stored(area: Page, page_of: Callable[[str], Path]) -> None:
+    series = (
+        read_comparison(page_of("curves").parent / "comparison.h5")
+        .runs["fig14-four-fronts/fem-p1-paper"]
+        .series
+    )
+    area.mouse.move(*place(area, 0.5, 0.5))
+    area.wait_for_function("chart.querySelectorAll('.hoverlayer .legendtext').length === 2")
+    said = area.evaluate("[...chart.querySelectorAll('.hoverlayer text')].map(one => one.textContent)")
+    assert [one.split(" : ")[0] for one in said[1:]] == ["fem-p1-paper", "fv-coupled"]
+    t, value = float(said[0]), float(said[1].split(" : ")[1])
+    assert value == pytest.approx(series["area"][np.argmin(np.abs(series["time"] - t))], rel=1e-8)
+
+
+def test_buttons_have_names_and_files_are_saved(area: Page, tmp_path: Path) -> None:
+    names = area.evaluate("[...chart.querySelectorAll('.modebar button')].map(one => one.ariaLabel)")
+    assert names == ["Download plot as a PNG", "Download plot as an SVG", "Zoom in", "Zoom out", "Reset axes"]
+    for name, beginning in (("SVG", b"<svg"), ("PNG", b"\x89PNG")):
+        with area.expect_download() as saved:
+            area.evaluate(f"chart.querySelector('[aria-label$={name}]').click()")
+        saved.value.save_as(tmp_path / name)
+        assert (tmp_path / name).read_bytes().startswith(beginning)
+
+
+def test_ink_follows_the_theme_and_paper_has_no_buttons(area: Page) -> None:
+    colours = "['.xtick text', '.gridlayer path'].map(one => getComputedStyle(chart.querySelector(one)))"
+    seen = set()
+    for theme in ("light", "dark"):
+        area.emulate_media(color_scheme=theme)
+        seen.add(area.evaluate(f"({colours}).map((one, i) => i ? one.stroke : one.fill).join()"))
+    assert len(seen) == 2
+    area.emulate_media(media="print")
+    area.wait_for_function("chart.layout.width <= 340")
+    assert area.evaluate("getComputedStyle(chart.querySelector('.modebar')).display") == "none"
+    assert area.evaluate(
+        "[...document.querySelectorAll('.chart')].every(one => one.layout || !one.clientWidth)"
+    )
+
+
+def page_with(*plots: Plot) -> str:
+    words = """{% extends "base.html" %}{% from "exhibits.html" import exhibits %}
+        {% block title %}{% endblock %}{% block body %}{{ exhibits(drawings) }}{% endblock %}"""
+    return environment(Path()).from_string(words).render(drawings=[draw(one, "/x") for one in plots])
+
+
+AXES = """spans => spans.map(([log, low, high]) => {
+  const ends = log ? [Math.log10(low), Math.log10(high)] : [low, high];
+  Plotly.relayout(chart, { "yaxis.type": log ? "log" : "linear" });
+  Plotly.relayout(chart, { "yaxis.range": ends });
+  const axis = chart._fullLayout.yaxis;
+  return [...chart.querySelectorAll(".ytick text")].filter(one => one.getBoundingClientRect().width)
+    .map(one => one.textContent.replaceAll("−", "-"));
+})"""
+
+
+def test_every_axis_has_three_labels_that_are_its_numbers(tab: Page, tmp_path: Path) -> None:
+    page = tmp_path / "index.html"
+    page.write_text(page_with(Plot("k", "t", "", "x", (Line("l", X + 1, X + 1),))), encoding="utf-8")
+    assert complaints(tab, page) == []
+    tab.evaluate("chart = document.querySelector('.chart')")
+    random = np.random.default_rng(7)
+    spans = [
+        [False, 2.8e-5, 5.2e-5],
+        [False, 3.14033115, 3.140331151],
+        [True, 1e-17, 3e-16],
+        [False, 0.0, 8000.0],
+    ]
+    for _ in range(60):
+        low, width = (10.0 ** random.uniform(-9, 6) for _ in range(2))
+        spans.append([True, low, low * 10 ** random.uniform(0.01, 18)])
+        spans.append(
+            [False, random.choice([-1, 0, 1]) * low, random.choice([-1, 0, 1]) * low + max(width, 1e-8 * low)]
+        )
+    spans = [[log, min(low, high), max(low, high)] for log, low, high in spans if low != high]
+    for (log, low, high), labels in zip(spans, tab.evaluate(AXES, spans), strict=True):
+        numbers = np.array([float(one) for one in labels])
+        assert len(set(labels)) == len(labels) >= 3, (log, low, high, labels)
+        assert (np.diff(np.sort(numbers)) > 0).all()
+        slack = 1e-6 * (high - low) if not log else 1e-6 * numbers
+        assert ((low - slack <= numbers) & (numbers <= high + slack)).all(), (low, high, labels)
+
+
+def test_axes_can_be_read_however_far_they_are_zoomed(area: Page) -> None:
+    for name in ("Area |Ω|", "|Balance residual|"):
+        found = f"[...document.querySelectorAll('.chart')].find(one => one.ariaLabel.startsWith({name!r}))"
+        for times in (2, 6):
+            area.evaluate(f"{found}.focus()")
+            for _ in range(times):
+                area.keyboard.press("+")
+            assert unreadable(area) == []
+
+
+def test_everything_a_line_can_say_is_drawn() -> None:
+    half = np.full(11, 0.1)
+    lines = (
+        Line("band", X, X, y_spread=half, dashed=True),
+        Line("bars", X, X, points=True, y_spread=half, x_spread=half, shape="diamond-open", red=True),
+        Line("", X, 2 * X, said=tuple(f"<b>{i}</b>\n$" for i in range(11)), points=True, rail=True),
+        Line("front", X, X, steps=True, guide=True),
+    )
+    drawn = figure(Plot("k", "t", "", "<x>", lines, levels=(("bound", 0.5),), ylabel="$y$"))
+    low, high, band, bars, rail, front = drawn["data"]
+    assert np.allclose(high["y"], X + 0.1)
+    assert (low["hoverinfo"], high["fill"], band["line"]["dash"]) == ("skip", "tonexty", "dash")
+    assert bars["error_x"]["array"] == bars["error_y"]["array"] == [0.1] * 11
+    assert (bars["marker"]["symbol"], bars["marker"]["color"]) == ("diamond-open", RED)
+    assert (rail["yaxis"], set(rail["y"]), rail["showlegend"]) == ("y2", {1}, False)
+    assert rail["text"][1] == "&lt;b&gt;1&lt;/b&gt;<br>&#36;"
+    assert (front["line"]["shape"], front["line"]["color"]) == ("hv", INK)
+    assert "dash" not in front["line"]
+    layout = drawn["layout"]
+    assert (layout["xaxis"]["title"]["text"], layout["yaxis"]["title"]["text"]) == (
+        "&lt;x&gt;",
+        "&#36;y&#36;",
+    )
+    assert [one.get("label", {}).get("text") for one in layout["shapes"]] == [None, "bound"]
+    json.dumps(drawn, allow_nan=False)
+
+
+def test_long_curves_keep_their_extremes_and_round_off_is_not_magnified() -> None:
+    y = np.ones(100_000)
+    y[77_777], y[5] = 9.0, np.nan
+    (line,) = figure(Plot("k", "t", "", "t", (Line("l", np.arange(100_000.0), y),)))["data"]
+    assert len(line["x"]) < 1100
+    assert (line["x"][0], line["x"][-1], max(one for one in line["y"] if one)) == (0.0, 99_999.0, 9.0)
+    flat = figure(Plot("k", "t", "", "t", (Line("l", X, 3.14 + 1e-15 * X),)))["layout"]["yaxis"]["range"]
+    assert flat[1] - flat[0] == pytest.approx(3.14e-9)
+    tiny = np.array([1.0, 2.0])
+    one = figure(Intervals("k", "t", "", "x", ("FEM", "FV"), tiny, np.array([0.1, np.nan]), (0, -1)))
+    assert [("error_x" in trace, trace["marker"]["color"]) for trace in one["data"]] == [
+        (True, "#527ed4"),
+        (False, INK),
+    ]
