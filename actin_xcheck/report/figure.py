@@ -11,7 +11,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Classes, Intervals, Line, Plot, Regions
-from actin_xcheck.report.lattice import READ, WIDE, classes, painted, patch, text
+from actin_xcheck.report.lattice import READ, TITLE, WIDE, classes, painted, patch, text
 
 Figure = dict[str, Any]
 
@@ -65,7 +65,7 @@ def figure(exhibit: Plot | Intervals | Regions | Classes) -> Figure:
 
 
 def _axis(name: str, log: bool = False, **more: Any) -> Figure:
-    return {"title": {"text": text(name, WIDE)}, "type": "log" if log else "linear", **more}
+    return {"title": {"text": text(name, TITLE)}, "type": "log" if log else "linear", **more}
 
 
 def _numbers(values: Array) -> list[float | None]:

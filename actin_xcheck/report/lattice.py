@@ -39,8 +39,8 @@ _FAILURES = {
 _DASHES = ("6px,3px", "1.5px,2.5px", "9px,2px,2px,2px", "3px,2px", "12px,3px")
 _DARK = "#111111"
 
-WIDE = 36
-"""Letters of a line of a title or of a legend."""
+WIDE, TITLE = 36, 28
+"""Letters of a line of a legend and of an axis' title."""
 
 READ = "%{text}<extra></extra>"
 """What is read where the pointer rests: the text and nothing else."""
@@ -128,7 +128,7 @@ def _axis(axis: Places) -> dict[str, Any]:
     """With labels of every width of the mesh, else of round numbers; to the ends of the lattice."""
     ends = [float(axis.values[0]), float(axis.values[-1])]
     said: dict[str, Any] = {
-        "title": {"text": text(axis.label, WIDE)},
+        "title": {"text": text(axis.label, TITLE)},
         "type": "log" if axis.log else "linear",
     }
     said["range"] = [math.log10(end) for end in ends] if axis.log else ends
