@@ -125,7 +125,7 @@ def test_ink_follows_the_theme_and_paper_has_no_buttons(area: Page) -> None:
 
 
 def page_with(*plots: Plot) -> str:
-    words = """{% extends "base.html" %}{% from "exhibits.html" import exhibits %}
+    words = """{% extends "base.html" %}{% from "parts.html" import exhibits %}
         {% block title %}{% endblock %}{% block body %}{{ exhibits(drawings) }}{% endblock %}"""
     return environment(Path()).from_string(words).render(drawings=[draw(one, "/x") for one in plots])
 

@@ -212,7 +212,7 @@ def test_hostile_words_make_no_markup_in_an_exhibit(tag):
         plot = Plot("k", word, word, word, (Line(word, x, x),), ((word, 1.5),), log=False)
         sheet = Sheet("s", word, word, ((word, word), (word, "1")))
         macro = environment(Path()).from_string(
-            '{% from "exhibits.html" import exhibits %}{{ exhibits(drawings) }}'
+            '{% from "parts.html" import exhibits %}{{ exhibits(drawings) }}'
         )
         return _Elements(macro.render(drawings=[draw(one, word) for one in (plot, sheet)]))
 

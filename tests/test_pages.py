@@ -54,7 +54,7 @@ def chart(x: tuple[str, ...], y: tuple[str, ...], *more: dict) -> str:
     axes = {"xaxis": {"range": [0, 3.2], **across}, "yaxis": {"type": "log", "range": [-1, 2.1], **up}}
     data = [{"type": "scatter", "x": [0, 3], "y": [1, 2]}]
     figure = {"data": data, "layout": {"height": 200, "annotations": list(more), **axes}}
-    words = """{% extends "base.html" %}{% from "exhibits.html" import plot %}{% block title %}{% endblock %}
+    words = """{% extends "base.html" %}{% from "parts.html" import plot %}{% block title %}{% endblock %}
         {% block body %}<p>words</p>{{ plot(drawing) }}{% endblock %}"""
     drawing = Drawing("plot", "a chart", "", "", figure)
     return environment(Path()).from_string(words).render(drawing=drawing)

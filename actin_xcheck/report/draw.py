@@ -1,4 +1,4 @@
-"""Exhibits made ready for HTML, which `templates/exhibits.html` lays out: figures, pictures, tables."""
+"""Exhibits made ready for HTML, which `templates/parts.html` lays out: figures, pictures, tables."""
 
 import re
 from dataclasses import dataclass

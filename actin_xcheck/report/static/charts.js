@@ -1,6 +1,6 @@
 // Draws the figures of report/figure.py with plotly.js: those that come into sight, and before it is printed all.
 // Zoom, reset and saving are plotly's; here are steps between labels, keys, wheel and what is read out.
-// Colours that follow the reader's theme are set by live.css.
+// Colours that follow the reader's theme are set by style.css.
 "use strict";
 {
   const INK = "#0d0e0f", GRID = "#d0d1d2", DIGITS = ".9~g", PAPER = 340;
