@@ -267,3 +267,21 @@ def chart(
 
     chosen = find_methods(methods or default_methods())
     return study(load_scene(scene), chosen, QUICK if quick else WHOLE)
+
+
+@study_command("random")
+def random(
+    seed: Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")] = None,
+    count: Annotated[int, typer.Option(help="Scenes to draw.", min=1)] = 20,
+    first: Annotated[int, typer.Option(help="Number of the first one.", min=0)] = 0,
+) -> "Study":
+    """Draw scenes over everything that a scene can say, and see that the codes agree on each.
+
+    Each is run by both codes, by smaller models that are exact for it, turned, reflected and in other units;
+    one that misses is made simpler as long as it misses, and left as a file.  Some 8 s a scene.
+    """
+    from datetime import date
+
+    from actin_xcheck.studies.random_scenes import random_scenes
+
+    return random_scenes(int(f"{date.today():%Y%m%d}") if seed is None else seed, count, first)

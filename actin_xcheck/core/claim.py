@@ -27,6 +27,8 @@ class ClaimKind(StrEnum):
     ORDER_DT = "order in dt"
     REDUCTION = "reduction"
     """A smaller model gives what the whole one gives."""
+    INVARIANCE = "invariance"
+    """What must not matter, as a turn, changes nothing."""
     TOLERANCE = "tolerance"
     ENDS = "ends"
     """A run ends, or a check comes to a verdict."""

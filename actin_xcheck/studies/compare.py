@@ -28,9 +28,6 @@ DEFAULT_METHODS = ("fem-p1-paper", "fv-coupled")
 DEFAULT_REFINE = 5
 """2113 nodes for every scene: a comparison is over within a minute."""
 
-COMPANIONS = 2
-"""Coarser runs beside each one; the first costs a sixteenth of it, the second shows the order."""
-
 JUDGED = 0.5
 """Seconds in which the runs of a scene are judged, about."""
 
@@ -98,26 +95,11 @@ def companions(jobs: Sequence[Stored]) -> list[Stored]:
     for job in jobs:
         families.setdefault(job.scene.name, set()).add(job.method.family)
     return [
-        _coarser(job, times)
+        one
         for job in jobs
-        for times in range(1, COMPANIONS + 1)
-        if len(families[job.scene.name]) > 1 and job.method.order_h and job.refine > times
+        if len(families[job.scene.name]) > 1 and job.method.order_h
+        for one in companions_of(job)
     ]
-
-
-def _coarser(job: Stored, times: int) -> Stored:
-    """The job with h doubled so many times; its steps are the multiple that fits the output times best."""
-    method, growth = job.method, 2.0 ** (times * job.method.order_h)
-    intervals = [end - start for start, end in pairwise((0.0, *job.scene.output_times))]
-    steps = [step_count(job.dt, [length]) / growth ** (1 / method.order_dt) for length in intervals]
-    dt = max(length / max(round(number), 1) for length, number in zip(intervals, steps, strict=True))
-    return replace(
-        job,
-        refine=job.refine - times,
-        dt=dt,
-        file=f"{job.file.removesuffix('.vtkhdf')}--coarser-{times}.vtkhdf",
-        rtol=None if job.rtol is None else job.rtol * growth,
-    )
 
 
 def _levels(job: Stored, beside: Sequence[Stored]) -> tuple[Stored, ...]:

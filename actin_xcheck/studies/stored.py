@@ -1,7 +1,8 @@
 """Runs that a study rests on: each a task that leaves its film and series in the study's folder."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from actin_xcheck.core.files import make_folder, replace_file
@@ -12,6 +13,10 @@ from actin_xcheck.runs.recorder import Progress
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.study import Task
+
+
+COMPANIONS = 2
+"""Coarser runs beside each one; the first costs a sixteenth of it, the second shows the order."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,26 @@ class Stored:
     def task(self) -> Task:
         """What makes it."""
         return Task(run_stored, self, self.seconds, tuple(filter(None, (self.file, self.scene_file))))
+
+
+def companions_of(job: Stored) -> list[Stored]:
+    """Return the job with h doubled once, twice, ... as far as the mesh allows."""
+    return [_coarser(job, times) for times in range(1, COMPANIONS + 1) if job.refine > times]
+
+
+def _coarser(job: Stored, times: int) -> Stored:
+    """The job with h doubled so many times; its steps are the multiple that fits the output times best."""
+    method, growth = job.method, 2.0 ** (times * job.method.order_h)
+    intervals = [end - start for start, end in pairwise((0.0, *job.scene.output_times))]
+    steps = [step_count(job.dt, [length]) / growth ** (1 / method.order_dt) for length in intervals]
+    dt = max(length / max(round(number), 1) for length, number in zip(intervals, steps, strict=True))
+    return replace(
+        job,
+        refine=job.refine - times,
+        dt=dt,
+        file=f"{job.file.removesuffix('.vtkhdf')}--coarser-{times}.vtkhdf",
+        rtol=None if job.rtol is None else job.rtol * growth,
+    )
 
 
 def seconds_of(method: Method, refine: int, steps: int) -> float:

@@ -1,0 +1,310 @@
+"""Scenes that nobody chose, drawn by a seed: do the codes agree wherever a scene can lead?
+
+Each is run by finite elements and finite volumes on three meshes, by every smaller model that is exact for
+it, and turned, reflected and in other units on a coarse mesh.  A scene that misses is made simpler as long as
+it still misses, and left as a file that `compare` takes.
+"""
+
+import math
+import tempfile
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.files import make_folder, replace_file
+from actin_xcheck.core.model import Array
+from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.runs.accuracy import change
+from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
+from actin_xcheck.runs.method import Method, find_method
+from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import Run, read_run
+from actin_xcheck.scene import draw
+from actin_xcheck.scene.resolve import turn_matrix
+from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.studies.stored import Stored, companions_of
+from actin_xcheck.studies.study import Report, Study, Table, Task, counted
+from actin_xcheck.verdicts.judge import judge
+from actin_xcheck.verdicts.triangulate import Levels, triangulate
+
+METHODS = ("fem-p3-imex4", "fv-order2")
+"""One of each family."""
+
+REFINE = {"fem": 3, "fv": 5}
+"""Their finest meshes, and two coarser ones each: some seconds a scene."""
+
+STEPS = 32
+RTOL = 1e-5
+
+ALIKE_REFINE, ALIKE_STEPS = 2, 8
+"""Where round-off alone may tell runs apart."""
+
+SAME = 1e-9
+"""Relative difference of runs that differ in round-off, which contraction amplifies."""
+
+NEGLECTED = 1e-9
+"""What a model of linear modes may leave out."""
+
+ROUNDS, COARSEST = 8, 1
+"""Of making a scene simpler; how often its meshes may be halved."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A question: a scene's text, what it is called, and how often h and the number of steps are halved."""
+
+    scene: str
+    name: str
+    coarser: int = 0
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was found of a scene.
+
+    Attributes
+    ----------
+    name, scene : the scene and its text.
+    claims : all that was asked of it.
+    """
+
+    name: str
+    scene: str
+    claims: tuple[Claim, ...]
+
+    @property
+    def worst(self) -> Claim:
+        """The claim that is furthest from holding."""
+        return max((claim for claim in self.claims if claim.judged), key=_ratio)
+
+    @property
+    def misses(self) -> bool:
+        """Whether a claim fails."""
+        return any(claim.judged and not claim.holds for claim in self.claims)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A scene in the table of all.
+
+    Attributes
+    ----------
+    name, rheology, closure, delta : the scene.
+    worst : the claim that is furthest from holding.
+    ratio : its value over its bound.
+    misses : whether a claim fails.
+    """
+
+    name: str
+    rheology: str
+    closure: str
+    delta: str
+    worst: str
+    ratio: float
+    misses: bool
+
+
+def _ratio(claim: Claim) -> float:
+    """Value over bound; infinite where there is no value, 0 where both are 0."""
+    if not math.isfinite(claim.value):
+        return math.inf
+    return claim.value / claim.bound if claim.bound else math.inf if claim.value else 0.0
+
+
+def random_scenes(seed: int, count: int, first: int = 0) -> Study:
+    """Draw scenes, check each, and make those that miss as simple as they can be."""
+    names = [f"random-{seed}-{number}" for number in range(first, first + count)]
+    asked = [
+        Drawn(draw.written(draw.drawn(seed, number)), name)
+        for number, name in enumerate(names, start=first)
+    ]
+    found = yield [_task(one) for one in asked]
+    shrunk: list[Checked] = []
+    for question, checked in zip(asked, found, strict=True):
+        if checked.misses:
+            shrunk.append((yield from _shrink(question, checked)))
+    claims = tuple(_claim(one) for one in found)
+    findings = tuple(
+        f"{one.name}: the simplest scene that misses is scenes/{one.name}.toml: {one.worst.sentence}"
+        for one in shrunk
+    )
+    return Report(
+        title=counted(claims, f"scenes of seed {seed} hold"),
+        lead="Each scene is run by both codes, by every smaller model that is exact for it, turned, reflected "
+        "and in other units.  A scene holds when all of that agrees within what it is known to.",
+        tables={
+            "scenes": Table("Scenes", [_row(one) for one in found]),
+            "simplest": Table("Simplest scenes that miss", [_row(one) for one in shrunk]),
+        },
+        claims=claims,
+        findings=findings,
+        chapters=(_chapter(found),),
+    )
+
+
+def _task(asked: Drawn) -> Task:
+    return Task(check, asked, seconds=8.0 / 8**asked.coarser)
+
+
+def _shrink(asked: Drawn, checked: Checked) -> Generator[Sequence[Task], list[Checked], Checked]:
+    """Ask for ever simpler scenes, on ever coarser meshes, that still miss as this one does."""
+    kind, quantity = checked.worst.kind, checked.worst.quantity
+
+    def still(one: Checked) -> bool:
+        return any(
+            claim.judged and not claim.holds and (claim.kind, claim.quantity) == (kind, quantity)
+            for claim in one.claims
+        )
+
+    for _ in range(ROUNDS):
+        scene = draw.read(asked.scene)
+        candidates = [replace(asked, scene=draw.written(one)) for one in draw.simpler(scene)]
+        if asked.coarser < COARSEST:
+            candidates.insert(0, replace(asked, coarser=asked.coarser + 1))
+        answers = yield [_task(one) for one in candidates]
+        simpler = next(
+            ((one, answer) for one, answer in zip(candidates, answers, strict=True) if still(answer)), None
+        )
+        if simpler is None:
+            break
+        asked, checked = simpler
+    yield [Task(keep, asked, files=(f"scenes/{asked.name}.toml",))]
+    return checked
+
+
+def keep(asked: Drawn, folder: Path) -> Checked:
+    """Leave a scene as a file, and check it again there."""
+    make_folder(folder / "scenes")
+    replace_file(folder / "scenes" / f"{asked.name}.toml", asked.scene.encode())
+    return check(asked, folder)
+
+
+def check(asked: Drawn, folder: Path) -> Checked:
+    """Run a scene in every way that must agree, and say what does."""
+    scene = parse_scene(asked.scene, f"scenes/{asked.name}.toml")
+    with tempfile.TemporaryDirectory() as place, np.errstate(all="ignore"):
+        claims = [*_codes(scene, asked.coarser, Path(place)), *_alike(scene, Path(place))]
+    return Checked(asked.name, asked.scene, tuple(claims))
+
+
+def _codes(scene: Scene, coarser: int, place: Path) -> Iterator[Claim]:
+    """Both codes and all smaller models on three meshes each: they end, conserve and agree.
+
+    They agree where they are no further apart than the sum of their uncertainties.
+    """
+    elements, volumes = (_levels(scene, find_method(name), FULL, coarser, place) for name in METHODS)
+    for one in (elements, volumes):
+        for claim in judge(scene, {one.method.name: one.runs[0]}):
+            if claim.kind in (ClaimKind.ENDS, ClaimKind.CONSERVATION):
+                yield replace(claim, command=_again(scene))
+    for triangle in triangulate(scene, [elements, volumes]):
+        yield triangle.claim(_again(scene))
+    for reduction in _reductions(scene, elements.method):
+        smaller = _levels(scene, elements.method, reduction, coarser, place)
+        for triangle in triangulate(scene, [smaller, volumes]):
+            claim = triangle.claim(_again(scene))
+            statement = f"{reduction.fidelity} instead of the whole cell: {claim.statement}"
+            yield replace(claim, kind=ClaimKind.REDUCTION, statement=statement)
+
+
+def _again(scene: Scene) -> str:
+    return command("compare", scene.origin, method=METHODS)
+
+
+def _levels(scene: Scene, method: Method, reduction: Reduction, coarser: int, place: Path) -> Levels:
+    """Runs of a scene as they are stored, the finest first, and two coarser ones."""
+    dt, rtol = scene.time.end / STEPS * 2**coarser, RTOL * 10**coarser if method.adaptive else None
+    finest = Stored(scene, method, REFINE[method.family] - coarser, dt, "run.vtkhdf", rtol)
+    runs = []
+    for job in (finest, *companions_of(finest)):
+        run(scene, replace(job.numerics, reduction=reduction), place / job.file)
+        runs.append(read_run(place / job.file))
+    return Levels(method, tuple(runs))
+
+
+def _reductions(scene: Scene, method: Method) -> Iterator[Reduction]:
+    """Every smaller model that is exact for a scene."""
+    for fidelity in (Fidelity.SECTOR, Fidelity.RADIAL, Fidelity.MODAL):
+        with suppress(UserError):  # where it is not
+            yield reduced(scene, method, fidelity, NEGLECTED)
+
+
+def _alike(scene: Scene, place: Path) -> Iterator[Claim]:
+    """Both codes on scenes that differ by what must not matter."""
+    for name in METHODS:
+        method = find_method(name)
+        own = _short(scene, method, place)
+        for what, other in draw.alike(draw.read(scene.text)).items():
+            there = _short(parse_scene(draw.written(other), what), method, place)
+            if what == "a reflection":
+                there = _seen(there, np.diag([1.0, -1.0]))
+            yield Claim(
+                kind=ClaimKind.INVARIANCE,
+                quantity=what,
+                scene=scene.name,
+                methods=(name,),
+                statement=f"{what} changes nothing (largest change of area, total actin and probes)",
+                value=change(own, there, scene.output_times),
+                bound=SAME,
+                command=_again(scene),
+                path="",
+                note="they differ in round-off",
+            )
+
+
+def _short(scene: Scene, method: Method, place: Path) -> Run:
+    """A run in few steps on a coarse mesh, in the scene's own frame."""
+    path = place / "short.vtkhdf"
+    run(scene, Numerics(method, ALIKE_REFINE, scene.time.end / ALIKE_STEPS), path)
+    return _seen(read_run(path), turn_matrix(scene))
+
+
+def _seen(there: Run, matrix: Array) -> Run:
+    """A run whose probes are seen in another frame."""
+    return replace(there, series=there.series | {"probe_x": there.series["probe_x"] @ matrix})
+
+
+def _row(checked: Checked) -> Row:
+    model, worst = parse_scene(checked.scene, checked.name).model, checked.worst
+    return Row(
+        name=checked.name,
+        rheology=str(model.rheology),
+        closure=str(model.closure),
+        delta=str(model.delta),
+        worst=f"{worst.kind} {worst.quantity} {worst.statement}",
+        ratio=_ratio(worst),
+        misses=checked.misses,
+    )
+
+
+def _claim(checked: Checked) -> Claim:
+    return replace(checked.worst, scene=checked.name, value=_ratio(checked.worst), bound=1.0)
+
+
+def _chapter(found: Sequence[Checked]) -> Chapter:
+    """How far from its bound each kind of claim stays, over the share of scenes."""
+    ratios: dict[str, list[float]] = {}
+    for claim in (claim for one in found for claim in one.claims if claim.judged):
+        ratios.setdefault(f"{claim.kind} {claim.quantity}".strip(), []).append(_ratio(claim))
+    lines = []
+    for label, values in ratios.items():
+        shown = np.sort([value for value in values if 0 < value < math.inf])
+        if shown.size:
+            lines.append(Line(label, shown, np.arange(1, shown.size + 1) / shown.size))
+    plot = Plot(
+        key="ratios",
+        title="Share of claims below a part of their bound",
+        note="Beyond 1 a claim fails.",
+        xlabel="value over bound",
+        lines=tuple(lines),
+        marks=(("bound", 1.0),),
+        log=True,
+    )
+    return Chapter("ratios", "How close to their bounds", "", (plot,))
