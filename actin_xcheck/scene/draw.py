@@ -153,7 +153,9 @@ class _Draw:
         """The groups as they are, or the same cell in units that are drawn."""
         if self.perhaps(0.8):
             return {"parameters": parameters}
-        return {"dimensional": _dimensional(parameters, self.of_any_size(1e-4, 1), self.of_any_size(1e-3, 1e2))}
+        return {
+            "dimensional": _dimensional(parameters, self.of_any_size(1e-4, 1), self.of_any_size(1e-3, 1e2))
+        }
 
     def concentration(self) -> str:
         """Draw a smooth one: even, with mirror lines, axisymmetric or with no symmetry at all."""
@@ -224,7 +226,7 @@ def _mirrored(formula: str) -> str:
 
 
 def _dimensional(parameters: dict[str, float], length: float, rate: float) -> dict[str, float]:
-    """Return `[dimensional]` of a cell of a length and a rate of polymerisation whose groups (3.1) are given."""
+    """`[dimensional]` of a cell of a length and a rate of polymerisation whose groups (3.1) are given."""
     group, default = Parameters(**parameters), DimensionalParameters(0, 0)
     stress = default.E / (1 + group.nu)
     return {

@@ -1,21 +1,20 @@
 """Scenes x methods: runs, what is claimed of them, which corner is off, to what their integrals are known."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from dataclasses import dataclass
+from itertools import groupby
 from math import nan
 from pathlib import Path
 from typing import Any
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import suited
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.stored import Ran, Stored
+from actin_xcheck.studies.stored import Ran, Stored, companions_of
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted, read_claims
 from actin_xcheck.verdicts.judge import again, judge
 from actin_xcheck.verdicts.known_to import KnownTo, known_to

@@ -122,23 +122,26 @@ def random_scenes(seed: int, count: int, first: int = 0) -> Study:
     """Draw scenes, check each, and make those that miss as simple as they can be."""
     names = [f"random-{seed}-{number}" for number in range(first, first + count)]
     asked = [
-        Drawn(draw.written(draw.drawn(seed, number)), name)
-        for number, name in enumerate(names, start=first)
+        Drawn(draw.written(draw.drawn(seed, number)), name) for number, name in enumerate(names, start=first)
     ]
     found = yield [_task(one) for one in asked]
     shrunk: list[Checked] = []
     for question, checked in zip(asked, found, strict=True):
         if checked.misses:
             shrunk.append((yield from _shrink(question, checked)))
-    claims = tuple(_claim(one) for one in found)
+    commands = [command("random", seed=seed, count=1, first=n) for n in range(first, first + count)]
+    claims = tuple(
+        replace(one.worst, scene=one.name, value=_ratio(one.worst), bound=1.0, command=made)
+        for one, made in zip(found, commands, strict=True)
+    )
     findings = tuple(
         f"{one.name}: the simplest scene that misses is scenes/{one.name}.toml: {one.worst.sentence}"
         for one in shrunk
     )
     return Report(
         title=counted(claims, f"scenes of seed {seed} hold"),
-        lead="Each scene is run by both codes, by every smaller model that is exact for it, turned, reflected "
-        "and in other units.  A scene holds when all of that agrees within what it is known to.",
+        lead="Each scene is run by both codes, by every smaller model that is exact for it, turned, "
+        "reflected and in other units.  A scene holds when all of that agrees within what it is known to.",
         tables={
             "scenes": Table("Scenes", [_row(one) for one in found]),
             "simplest": Table("Simplest scenes that miss", [_row(one) for one in shrunk]),
@@ -282,10 +285,6 @@ def _row(checked: Checked) -> Row:
         ratio=_ratio(worst),
         misses=checked.misses,
     )
-
-
-def _claim(checked: Checked) -> Claim:
-    return replace(checked.worst, scene=checked.name, value=_ratio(checked.worst), bound=1.0)
 
 
 def _chapter(found: Sequence[Checked]) -> Chapter:

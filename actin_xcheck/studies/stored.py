@@ -14,7 +14,6 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.study import Task
 
-
 COMPANIONS = 2
 """Coarser runs beside each one; the first costs a sixteenth of it, the second shows the order."""
 
