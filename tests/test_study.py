@@ -22,6 +22,7 @@ from actin_xcheck.runs.executor import Lost, executor, in_turn
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
+from actin_xcheck.studies import study as studies
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, counted, study_file
 from tests.claims import claim
@@ -128,6 +129,20 @@ def test_an_answer_whose_file_is_not_as_it_left_it_is_asked_for_again(tmp_path, 
     carry(tmp_path, study())
     assert made(tmp_path) == [7, 7]
     assert (tmp_path / "left.txt").read_text() == "7"
+
+
+def test_what_is_timed_is_of_the_code_that_was_there_when_the_others_began(tmp_path, monkeypatch):
+    order = []
+
+    class Noting(InTurn):
+        def results(self, work, tasks):
+            order.append("others")
+            return super().results(work, tasks)
+
+    monkeypatch.setattr(studies, "prepare", lambda modules, now: order.append(now))
+    carry(tmp_path, timed([1, 2]), Noting(), alone=work_alone)
+    assert order == [True, "others"]
+    assert made(tmp_path) == [1, 2]
 
 
 def test_the_folder_of_another_study_is_refused_and_left_as_it_is(tmp_path):

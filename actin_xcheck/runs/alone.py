@@ -24,14 +24,20 @@ _FIRST = "actin_xcheck.runs.forking"
 """Sees to it that the process which imports them ends with this one, even before it is done."""
 
 
-def prepare(modules: Iterable[str]) -> None:
+def prepare(modules: Iterable[str], now: bool = False) -> None:
     """Name the modules that are imported once, solvers beside them, where processes of tasks are forked from.
 
-    To be called before the first task; without effect where systems cannot fork.
+    To be called before the first task; without effect where systems cannot fork.  That process is started
+    with the first task, or `now`, so that what is changed until then is not its code.
     """
     if _FORKS:
         solvers = sorted({method.solver.split(":")[0] for method in METHODS.values()})
         _CONTEXT.set_forkserver_preload([_FIRST, *modules, *solvers])
+        if now:
+            from multiprocessing.forkserver import ensure_running
+
+            have_room_for_sockets()
+            ensure_running()
 
 
 def work_alone(work: Callable[..., Result], task: Task, report: Report | None = None) -> Result | Lost:

@@ -304,14 +304,14 @@ class _Course:
         """Yield what comes of tasks, by their keys: the longest begin first, those that are timed last."""
         folder, version = self.folder.resolve(), code()
         asked = {key: _Asked(task, folder, version) for key, task in tasks.items()}
+        timed = [key for key in tasks if tasks[key].alone]
+        if timed:
+            prepare([__name__, *{tasks[key].work.__module__ for key in timed}], now=self.alone is work_alone)
         together = [key for key in tasks if not tasks[key].alone]
         together.sort(key=lambda key: (tasks[key].turn, -tasks[key].seconds))
         if together:
             for number, answer in self.processes.results(_work, [asked[key] for key in together]):
                 yield together[number], answer
-        timed = [key for key in tasks if tasks[key].alone]
-        if timed:
-            prepare([__name__, *{tasks[key].work.__module__ for key in timed}])
         for key in timed:
             yield key, self.alone(_work, asked[key])
 
