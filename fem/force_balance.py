@@ -2,7 +2,6 @@
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -11,13 +10,16 @@ import scipy.sparse as sp
 from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Move
 from actin_xcheck.core.linear import Preconditioner, SymmetricSolver
-from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
+from actin_xcheck.core.outcome import Outcome
+from actin_xcheck.core.pattern import bincount
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
-from fem.mesh import Bases, separate
+from fem.kernels import CellSample
 from fem.space import Space
-from fem.straight import Network
+
+PAIRS = ((0, 1), (1, 2), (2, 0))
+"""Local nodes of a cell's edges."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,6 @@ class ForceBalance:
         self._solver = SymmetricSolver(free.rows, free.columns, self.constraint.parts)
         self._anchor = Anchor(self.space.xi)
 
-    @cached_property
-    def bases(self) -> Bases:
-        """P1 on the mesh in scikit-fem's terms, for forms that are assembled once."""
-        return Bases.on(self.mesh)
-
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
         return self.settle(x)
@@ -80,7 +77,7 @@ class ForceBalance:
     def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
         """Move the nodes from x (2, N) at t by one step of (B.23a) under corner values (3, n_cells)."""
         system = self.assemble(x, corners, dt)
-        outcome = self._dilation_outcome(t, system.dilation)
+        outcome = self.model.dilated(t, system.dilation, self._place)
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
         v, gauge, outcome = self._rates(x, system)
@@ -93,7 +90,7 @@ class ForceBalance:
     def flow(self, t: float, x: Array, corners: Array) -> Move:
         """Return the same as a Move that leaves the nodes at x, with its Outcome and the gauge's loads."""
         system = self.assemble(x, corners, 0.0)
-        outcome = self._dilation_outcome(t, system.dilation)
+        outcome = self.model.dilated(t, system.dilation, self._place)
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
         v, gauge, outcome = self._rates(x, system)
@@ -116,7 +113,7 @@ class ForceBalance:
         v = weights * q[constraint.unknown]
         if self.model.closure is Closure.TRACTION_FREE:
             v = self._without_rigid_motion(x, v)
-        return separate(v), gauge, outcome
+        return v.reshape(-1, 2).T, gauge, outcome
 
     def _factor(self, x: Array) -> Preconditioner | None:
         """Of A at x (2, N); dt B is small beside it."""
@@ -173,14 +170,68 @@ class ForceBalance:
         rigid = rigid_motions(x, x @ weights / weights.sum()) @ free_motions(self.space.symmetry)
         return rigid, sp.kron(mass, sp.identity(2), format="csr") @ rigid
 
-    def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:
-        """1 + phi <= 0 is where the pressure (2.5) ends; phi = 2 - tr F^-1 with F = dx/dxi."""
-        worst = int(np.argmin(dilation))
-        if self.model.parameters.p == 0 or 1 + dilation[worst] > 0:
-            return COMPLETED
-        where = self.mesh.centroids[:, worst]
-        message = (
-            f"1 + phi = {1 + dilation[worst]:.3g} at t = {t:.6g} in the triangle that started at "
-            f"({where[0]:.3f}, {where[1]:.3f}): the pressure (2.5) is singular there"
-        )
-        return Outcome(Ending.SINGULAR_DILATION, message)
+    def _place(self, cell: int) -> str:
+        where = self.mesh.centroids[:, cell]
+        return f"in the triangle that started at ({where[0]:.3f}, {where[1]:.3f})"
+
+
+class Network:
+    """`CellSample.isotropic` of a P1 space, with a third of the arithmetic.
+
+    The gradients of a cell's basis functions sum to zero, and so do the rows of a matrix made of products of
+    them: what couples the two ends of an edge is summed over its cells, and diagonal blocks follow.
+
+    Parameters
+    ----------
+    space : of order 1.
+    """
+
+    def __init__(self, space: Space) -> None:
+        self._pattern = space.vectors.pattern
+        self._count = space.xi.shape[1]
+        first, second = space.cells[np.array(PAIRS).T]
+        keys = np.minimum(first, second) * self._count + np.maximum(first, second)
+        found, edge = np.unique(keys, return_inverse=True)
+        self._ends = np.array(np.divmod(found, self._count))
+        # an edge couples (i at its lower end, j at its upper one); a pair that runs down is transposed
+        i, j = np.arange(2)[:, None, None, None], np.arange(2)[:, None, None]
+        component = np.where(first > second, 2 * j + i, 2 * i + j)
+        self._edges: Indices = (component * found.size + edge.reshape(first.shape)).ravel()
+        self._places = self._sources()
+
+    def matrix(self, sample: CellSample, moduli: tuple[float, float]) -> sp.csr_matrix:
+        """Return the matrix (2 N, 2 N) of first eps(v) : eps(w) + second (div v)(div w)."""
+        shear, bulk = moduli[0] / 2, moduli[1]
+        stretch = bulk + 2 * shear
+        gradients = sample.gradients[:, :, 0]
+        weighted = gradients * sample.dx.sum(axis=0)
+        local = np.empty((2, 2, len(PAIRS), gradients.shape[-1]))
+        for n, (a, b) in enumerate(PAIRS):
+            (p, q), (r, s) = weighted[a], gradients[b]
+            pr, ps, qr, qs = p * r, p * s, q * r, q * s
+            local[0, 0, n] = stretch * pr + shear * qs
+            local[1, 1, n] = stretch * qs + shear * pr
+            local[0, 1, n] = bulk * ps + shear * qr
+            local[1, 0, n] = bulk * qr + shear * ps
+        coupled = bincount(self._edges, local.ravel(), 4 * self._ends.shape[1]).reshape(2, 2, -1)
+        own = np.empty((2, 2, self._count))
+        for i, j in ((0, 0), (0, 1), (1, 1)):
+            own[i, j] = own[j, i] = -self._at_ends(coupled[i, j], coupled[j, i])
+        return self._pattern.matrix(np.concatenate([coupled.ravel(), own.ravel()])[self._places])
+
+    def _at_ends(self, lower: Array, upper: Array) -> Array:
+        """Sum what edges give to their lower and to their upper ends, (N,)."""
+        first, second = self._ends
+        return bincount(first, lower, self._count) + bincount(second, upper, self._count)
+
+    def _sources(self) -> Indices:
+        """Where each entry of the pattern is among those of edges (i, j, edge), then of nodes (i, j, N)."""
+        i, j = np.arange(2)[:, None, None], np.arange(2)[:, None]
+        nodes = np.arange(self._count)
+        rows = [2 * self._ends[0] + i + 0 * j, 2 * nodes + i + 0 * j]
+        columns = [2 * self._ends[1] + j + 0 * i, 2 * nodes + j + 0 * i]
+        row, column = (np.concatenate([part.ravel() for part in parts]) for parts in (rows, columns))
+        mirrored = slice(4 * self._ends.shape[1])
+        keys = np.concatenate([row * 2 * self._count + column, (column * 2 * self._count + row)[mirrored]])
+        sources = np.arange(row.size)
+        return np.concatenate([sources, sources[mirrored]])[np.argsort(keys)]

@@ -37,9 +37,8 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import Outcome
+from fem.fields import Lattice, cell_means, locate, measure, orientation
 from fem.force_balance import ForceBalance
-from fem.frames import Lattice
-from fem.measures import cell_means, locate, measure, orientation
 from fem.space import Space
 from fem.tableaux import TABLEAUX
 from fem.transport import TransportSolver
@@ -99,7 +98,7 @@ class FemImex:
         move = self._near(anchor).mechanics.flow(0.0, x, a[self.space.cells])
         return ImexState(0.0, x, a, move.v, mass=mass, content=mass @ a, anchor=anchor)
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: ImexState) -> Array:
         """Values (3, n_cells) at the corners of the cells."""
         return state.a[self.mesh.triangles]
 
@@ -108,22 +107,22 @@ class FemImex:
         """The cells with equispaced nodes."""
         return self._lattice.grid
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: ImexState) -> Frame:
         """The same polynomials by their values at the grid's nodes."""
         if self.space.order == 1:
             return straight_frame(self.mesh, state, self.corners(state))
         x, v, a = (self._lattice.moved(nodal) for nodal in (state.x, state.v, state.a))
         return Frame(x, v, a, cell_means(self.space, state.x, state.a))
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: ImexState) -> Outcome:
         """The orientation of the cells, at all quadrature points."""
         return orientation(self.space, state.t, state.x)
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: ImexState) -> Measures:
         """Integrals over the curved cell."""
         return measure(self.space, state.x, state.a)
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[ImexState]:
         """The polynomials at material points (2, k)."""
         cells, values = locate(self.space, points)
         nodes = self.space.cells[:, cells]
@@ -132,9 +131,8 @@ class FemImex:
             (values * state.x[:, nodes]).sum(axis=1).T,
         )
 
-    def step(self, state: State, dt: float) -> tuple[ImexState, Outcome]:
+    def step(self, state: ImexState, dt: float) -> tuple[ImexState, Outcome]:
         """One step of the pair; its embedded solution gives `local_error`."""
-        assert isinstance(state, ImexState)
         if state.anchor is not self._anchor:
             return self._near(state.anchor).step(state, dt)
         pair, stages = self.tableau, [self._first(state)]
@@ -151,9 +149,8 @@ class FemImex:
             stages.append(self._stage(t, dt * pair.gamma, x, content))
         return self._combined(state, dt, stages)
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: ImexState) -> Memento:
         """The state with P, which is no function of a to the last bit, and where it is preconditioned."""
-        assert isinstance(state, ImexState)
         assert state.anchor is not None
         return {**remembered(state), "content": state.content, "anchor": state.anchor.x}
 

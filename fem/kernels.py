@@ -19,7 +19,7 @@ from fem import forms
 
 
 @dataclass(frozen=True, eq=False)
-class Rule:
+class CellRule:
     """Quadrature points in the cells of a space and the basis there: numbers that motion does not change.
 
     Attributes
@@ -50,17 +50,17 @@ class Rule:
         inverse = np.array([[y_s, -x_s], [-y_r, x_r]]) / determinant
         return np.einsum("ajqe,jiqe->aiqe", self.slopes, inverse), determinant
 
-    def at(self, x: Array) -> "Sample":
+    def at(self, x: Array) -> "CellSample":
         """Return the points in the configuration x (2, N)."""
         gradients, determinant = self.pushed(self.tangent_map(x))
-        return Sample(self, gradients, self.weights * determinant)
+        return CellSample(self, gradients, self.weights * determinant)
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class CellSample:
     """A rule in one configuration: gradients with respect to the current x (a, i, q or 1, e), dx (q, e)."""
 
-    rule: Rule
+    rule: CellRule
     gradients: Array
     dx: Array
 
@@ -112,7 +112,7 @@ class Sample:
 
 
 @dataclass(frozen=True, eq=False)
-class RimRule(Rule):
+class RimRule(CellRule):
     """Points on the rim, e counting its edges; `direction` (i, e) is an edge in the reference triangle."""
 
     direction: Array
@@ -127,7 +127,7 @@ class RimRule(Rule):
 
 
 @dataclass(frozen=True, eq=False)
-class RimSample(Sample):
+class RimSample(CellSample):
     """A rim in one configuration: outward normals (i, q, e), dx being ds.
 
     The rim is small: its weak forms are evaluated as they stand, on the vector basis functions.

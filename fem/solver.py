@@ -31,7 +31,7 @@ class FemState(State):
     anchor: Anchor | None = None
 
 
-class FemP1Paper(Polygonal):
+class FemP1Paper(Polygonal[FemState]):
     """P1 elements in space and (B.23) in time.
 
     Parameters
@@ -59,13 +59,12 @@ class FemP1Paper(Polygonal):
         v = self._near(anchor).velocity(0.0, x, a[self.mesh.triangles])
         return FemState(0.0, x, a, v, mass=self._mass(x), anchor=anchor)
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: FemState) -> Array:
         """Corner values (3, n_cells) of the continuous P1 field."""
         return state.a[self.mesh.triangles]
 
-    def step(self, state: State, dt: float) -> tuple[FemState, Outcome]:
+    def step(self, state: FemState, dt: float) -> tuple[FemState, Outcome]:
         """One step of (B.23); every matrix is assembled on the configuration the equation names."""
-        assert isinstance(state, FemState)
         move = self._near(state.anchor).advance(state.t, dt, state.x, self.corners(state))
         new = FemState(
             state.t + dt, move.x, state.a, move.v, 0.0, move.net_force, move.net_torque, mass=state.mass
@@ -73,9 +72,8 @@ class FemP1Paper(Polygonal):
         outcome = move.outcome if not move.outcome.ok else orientation(self.mesh, new.t, move.x)
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: FemState) -> Memento:
         """The state and where its systems are preconditioned; factors and mass matrix follow."""
-        assert isinstance(state, FemState)
         assert state.anchor is not None
         return {**remembered(state), "anchor": state.anchor.x}
 

@@ -8,17 +8,23 @@ import numpy as np
 from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
-from actin_xcheck.core.linear import nested_dissection
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, Symmetry, arcs, signed_areas
 from actin_xcheck.core.model import Array
 from fem.element import UNIFORM, lagrange
-from fem.kernels import RimRule, Rule, Scatter
+from fem.kernels import CellRule, RimRule, Scatter
 
 CORNERS = np.array([[0.0, 1, 0], [0, 0, 1]])
 """Vertices of the reference triangle."""
 
 SIDES = list(permutations(range(3), 2))
 """Directed sides of a triangle, by local vertices."""
+
+
+LEAF = 32
+"""Nodes that are not worth dissecting further: dense elimination is faster."""
+
+CUTS = np.array([[1, 0], [0, 1], [1, 1], [1, -1]])
+"""Normals of the lines tried as cuts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,21 +68,21 @@ class Space:
         return cls(order, xi, cells, orientation, mesh.rim, mesh.symmetry, normals)
 
     @cached_property
-    def inside(self) -> Rule:
+    def inside(self) -> CellRule:
         """Exact for products of basis functions in straight cells, degree 2 k; loads and masses."""
         return self.rule(2 * self.order)
 
     @cached_property
-    def gradients(self) -> Rule:
+    def gradients(self) -> CellRule:
         """Exact for products of gradients in straight cells, degree 2 (k - 1); stiffness and stresses."""
         return self.rule(2 * (self.order - 1))
 
-    def rule(self, degree: int) -> Rule:
+    def rule(self, degree: int) -> CellRule:
         """Points in the cells, exact for polynomials of a degree on straight ones."""
         points, weights = get_quadrature(UNIFORM[self.order], degree)
         values, slopes = lagrange(self.order).tabulate(points)
         signed = weights[:, None] if self.order < 3 else weights[:, None] * self.orientation
-        return Rule(self.cells, signed, values[..., None], slopes[..., None])
+        return CellRule(self.cells, signed, values[..., None], slopes[..., None])
 
     @cached_property
     def on_rim(self) -> RimRule:
@@ -226,3 +232,47 @@ def _layer_radii(mesh: Mesh) -> Array:
     """Where layers end, half-way between them: layer number = searchsorted(., radius)."""
     radii = np.unique(np.round(np.hypot(*mesh.xi), 12))
     return (radii[1:] + radii[:-1]) / 2
+
+
+def nested_dissection(points: Array, rows: Indices, columns: Indices) -> Indices:
+    """Parts of a nested dissection by straight cuts through medians (George, SIAM J. Numer. Anal. 10, 1973).
+
+    Parameters
+    ----------
+    points : position of each node, (2, n).
+    rows, columns : pairs of coupled nodes, (k,).
+
+    Returns
+    -------
+    The part of each node, numbered such that both sides of a cut are eliminated before the cut, (n,).
+    """
+    path = np.zeros(points.shape[1], dtype=np.int64)  # digits 0 and 1: sides; 2: cut, or nothing left to cut
+    active = np.ones(path.size, dtype=bool)
+    while active.any():
+        nodes = np.flatnonzero(active)
+        _, part, size = np.unique(path[nodes], return_inverse=True, return_counts=True)
+        local = np.empty_like(path)
+        local[nodes] = np.arange(nodes.size)
+        kept = active[rows] & active[columns]
+        edges = local[rows[kept]], local[columns[kept]]
+        inner = part[edges[0]] == part[edges[1]]
+        first, second = edges[0][inner], edges[1][inner]
+        digits = np.array([_cut(normal @ points[:, nodes], part, size, first, second) for normal in CUTS])
+        costs = np.array([np.bincount(part, digit == 2, size.size) for digit in digits])
+        digit = np.take_along_axis(digits, costs.argmin(axis=0)[part][None], axis=0)[0]
+        digit[size[part] <= LEAF] = 2
+        path = 3 * path + 2
+        path[nodes] += digit - 2
+        active[nodes] = digit < 2
+    return path
+
+
+def _cut(across: Array, part: Indices, size: Indices, first: Indices, second: Indices) -> Indices:
+    """Halve every part at the median of a coordinate (n,): 0 and 1 for its sides, 2 for the cut between."""
+    order = np.lexsort((across, part))
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    side = (rank - (np.cumsum(size) - size)[part] >= size[part] // 2).astype(np.int64)
+    side_before = side.copy()
+    side[first[(side_before[first] == 0) & (side_before[second] == 1)]] = 2
+    return side

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.core.contract import Move, State
+from actin_xcheck.core.contract import Move
 from actin_xcheck.core.mesh import integral, orientation, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import PrescribedMotion
@@ -79,9 +79,8 @@ class FvSecondOrder(FvDiamond):
     The nodes of a prescribed motion are where it has them; the force balance's are integrated.
     """
 
-    def step(self, state: State, dt: float) -> tuple[FvState, Outcome]:
+    def step(self, state: FvState, dt: float) -> tuple[FvState, Outcome]:
         """Two stages: move the nodes with the velocities so far, then solve for what the cells hold there."""
-        assert isinstance(state, FvState)
         here, inverse = state, None
         rates: list[Move] = []
         solutions: list[_Solution] = []

@@ -32,7 +32,7 @@ class FvState(State):
     anchor: Anchor | None = None
 
 
-class FvDiamond(Polygonal):
+class FvDiamond(Polygonal[FvState]):
     """Over-relaxed two-point flux by FiPy plus the linear-exact cross flux: second order in h.
 
     Parameters
@@ -78,14 +78,12 @@ class FvDiamond(Polygonal):
             return kept
         return Anchor(x) if kept.worn(self.mesh.triangles, old.x, x, solves) else kept
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: FvState) -> Array:
         """Corner values (3, n_cells) of the scheme's linear reconstruction."""
-        assert isinstance(state, FvState)
         return state.corner_values
 
-    def step(self, state: State, dt: float) -> tuple[FvState, Outcome]:
+    def step(self, state: FvState, dt: float) -> tuple[FvState, Outcome]:
         """Move the nodes, then one conservative backward Euler step between the two configurations."""
-        assert isinstance(state, FvState)
         move = self.moved_by(state).advance(state.t, dt, state.x, self.corners(state))
         new = replace(
             state, t=state.t + dt, x=move.x, v=move.v, net_force=move.net_force, net_torque=move.net_torque
@@ -93,9 +91,8 @@ class FvDiamond(Polygonal):
         outcome = move.outcome if not move.outcome.ok else orientation(self.mesh, new.t, move.x)
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: FvState) -> Memento:
         """The state, the corner values that load the next force balance and where that is preconditioned."""
-        assert isinstance(state, FvState)
         where = {} if state.anchor is None else {"anchor": state.anchor.x}
         return {**remembered(state), "corner_values": state.corner_values, **where}
 

@@ -10,7 +10,7 @@ from actin_xcheck.core.contract import Move
 from actin_xcheck.core.motion import PrescribedMotion
 from fem import forms
 from fem.force_balance import ForceBalance
-from fem.kernels import Sample
+from fem.kernels import CellSample
 from fem.solver import FemP1Paper
 from fv.equations import TransportEquation
 
@@ -51,7 +51,7 @@ def flip_rim_integral(patch: pytest.MonkeyPatch) -> None:
 
 def use_old_volumes(patch: pytest.MonkeyPatch) -> None:
     """The new balance is struck with the old cell volumes (finite volumes) or the old mass matrix."""
-    system, mass = TransportEquation.system, Sample.mass
+    system, mass = TransportEquation.system, CellSample.mass
     transport = FemP1Paper._transport
 
     def fv(self, dt, a, old_volumes, volumes, two_point, source):
@@ -60,7 +60,7 @@ def use_old_volumes(patch: pytest.MonkeyPatch) -> None:
     def fem(self, old, new, dt):
         stale = self.space.inside.at(old.x)
         with pytest.MonkeyPatch.context() as inner:
-            inner.setattr(Sample, "mass", lambda sample: mass(stale))
+            inner.setattr(CellSample, "mass", lambda sample: mass(stale))
             return transport(self, old, new, dt)
 
     patch.setattr(TransportEquation, "system", fv)

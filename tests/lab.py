@@ -1,7 +1,7 @@
 """What the tests share: a run in memory and the orders read off a sequence of errors."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from actin_xcheck.core.mesh import INTERIOR_POINTS, quadrature_points, signed_ar
 from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.march import integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
@@ -21,17 +21,11 @@ FEM, FV = "fem-p1-paper", "fv-coupled"
 
 @dataclass
 class Film:
-    """An observer that keeps every state."""
+    """Every state of a run, and those at its output times."""
 
     solver: Solver
     states: list[State] = field(default_factory=list)
     frames: list[State] = field(default_factory=list)
-
-    def record(self, dt: float, state: State) -> None:
-        self.states.append(state)
-
-    def frame(self, state: State) -> None:
-        self.frames.append(state)
 
     @property
     def last(self) -> State:
@@ -43,10 +37,21 @@ class Film:
         return max(abs(state.balance_residual) for state in self.states)
 
 
-def film_of(solver: Solver, dt: float, times: Sequence[float]) -> tuple[Film, Outcome]:
-    """Integrate a solver and keep everything."""
-    film = Film(solver)
-    return film, integrate(solver, dt, times, film)
+def film_of(
+    solver: Solver,
+    dt: float,
+    times: Sequence[float],
+    rtol: float | None = None,
+    order: float = 1,
+) -> tuple[Film, Outcome]:
+    """Run a solver and keep everything; with `rtol`, in steps chosen by errors that fall with this order."""
+    numerics = Numerics(replace(METHODS[FEM], order_dt=order), 0, dt, rtol)
+    film, march = Film(solver), March(solver, numerics, times)
+    for moment in march:
+        film.states.append(moment.state)
+        if moment.is_output:
+            film.frames.append(moment.state)
+    return film, march.outcome
 
 
 def play(scene: Scene, method: str, refine: int, dt: float, times: Sequence[float] | None = None) -> Film:

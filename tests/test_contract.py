@@ -10,12 +10,12 @@ from actin_xcheck.core.lagrange import areas
 from actin_xcheck.core.linear import TOLERANCE, solve
 from actin_xcheck.core.mesh import disk, integral
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.march import integrate, step_count
+from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
-from tests.lab import FEM, Film, film_of, play, scene_of
+from tests.lab import FEM, film_of, play, scene_of
 
 EVERY = pytest.mark.parametrize("method", list(METHODS))
 
@@ -139,8 +139,7 @@ def test_a_rejected_step_ends_the_run_as_a_value():
             return Outcome()
 
     solver = Stumbling()
-    film = Film(solver)
-    outcome = integrate(solver, 0.1, [1.0], film)
+    film, outcome = film_of(solver, 0.1, [1.0])
     assert outcome.ending is Ending.NEGATIVE_CONCENTRATION
     assert film.last.t == pytest.approx(0.3)
     assert film.last.a.min() > 0

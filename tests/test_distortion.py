@@ -16,7 +16,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
 from actin_xcheck.studies.distort.study import distort
 from actin_xcheck.studies.page import write_page
-from fem.kernels import Rule
+from fem.kernels import CellRule
 from fem.space import Space
 from fv.diamond import over_relaxed_split, vertex_interpolation
 from fv.mesh import Faces
@@ -62,7 +62,7 @@ def test_distortions_are_as_bad_as_they_say():
 def test_a_linear_field_is_exact_in_elements_on_every_distorted_mesh(name, order):
     """The patch test: no residual of stiffness or stress at nodes off the rim, and the exact strain."""
     space = Space.on(WORST[name](4), order, 0.8)
-    fine: Rule = space.rule(2 * order)
+    fine: CellRule = space.rule(2 * order)
     field = np.array([0.3, -0.7]) @ space.xi
     inner = np.setdiff1d(np.arange(space.xi.shape[1]), space.rim_nodes)
     stiffness = space.scalars.matrix(fine.at(space.xi).stiffness())

@@ -23,7 +23,7 @@ from actin_xcheck.studies.extremes.attempt import (
 from actin_xcheck.studies.extremes.study import agreement, breakdowns, extremes
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import answered, write_report
-from fem.frames import Lattice
+from fem.fields import Lattice
 from fem.space import Space
 
 STRONG = "fig18-nonuniform-contraction-viscoelastic"

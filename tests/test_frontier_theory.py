@@ -5,10 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from actin_xcheck.runs.march import integrate
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.recorder import Amplitude, Corners
+from actin_xcheck.runs.recorder import Amplitude
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.frontier import theory
@@ -16,7 +15,7 @@ from actin_xcheck.studies.frontier.limits import model_at
 from actin_xcheck.theory.dispersion import wall_eigenfield
 from actin_xcheck.theory.modes import Mode, wavenumber
 from tests.frontiers import FIG14
-from tests.lab import FEM
+from tests.lab import FEM, film_of
 
 WALL = load_scene("mode-11-wall-270")
 
@@ -43,9 +42,10 @@ def test_the_codes_amplify_a_mode_as_theory_says(name):
     matrix = theory.step_matrix(theory.pair_of(method), scene.physics, field.mode.k**2, dt)
     expected = np.linalg.matrix_power(matrix, steps) @ [phi, 1 + phi]
     solver = bind(scene, Numerics(method, 4 if method.space == 1 else 3, dt))
-    corners, amplitude = Corners(solver), Amplitude(scene, solver.mesh)
-    assert integrate(solver, dt, scene.output_times, corners).ok
-    found = amplitude(steps, corners.values[-1]) / amplitude(0, corners.values[0])
+    amplitude, (film, outcome) = Amplitude(scene, solver.mesh), film_of(solver, dt, scene.output_times)
+    assert outcome.ok
+    first, last = (solver.corners(state) for state in (film.states[0], film.last))
+    found = amplitude(steps, last) / amplitude(0, first)
     assert found == pytest.approx(expected[1] - expected[0], rel=0.02)
     if method.order_dt == 1:
         assert found < 0.7 * np.exp(field.rate.real * end)  # so that only the scheme's own factor fits

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from actin_xcheck.core import linear
 from actin_xcheck.core.mesh import orientation, quadrature_points, signed_areas
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
@@ -18,7 +17,7 @@ from actin_xcheck.scene.resolve import in_scene_frame
 from actin_xcheck.scene.scene import load_scene
 from fv import krylov, second_order
 from fv.diamond import cross_flux, over_relaxed, reconstruct, vertex_interpolation
-from tests.lab import FV, Film, film_of, local_orders, play, scene_of
+from tests.lab import FV, film_of, local_orders, play, scene_of
 from tests.test_conservation import SHEAR_AND_ROTATION
 from tests.test_orders import END, exact_error, steady_state_error
 
@@ -229,8 +228,7 @@ def adaptive(scene, rtol, refine=3):
         return step(state, dt)
 
     solver.step = counted
-    film = Film(solver)
-    outcome = integrate(solver, 0.05, [scene.time.end], film, Tolerance(rtol, 2))
+    film, outcome = film_of(solver, 0.05, [scene.time.end], rtol, 2)
     assert outcome.ok
     return film, tried
 

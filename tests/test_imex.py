@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from fem.tableaux import TABLEAUX
-from tests.lab import Film, film_of, local_orders, play, scene_of
+from tests.lab import film_of, local_orders, play, scene_of
 
 IMEX = [name for name in METHODS if "imex" in name]
 EVERY = pytest.mark.parametrize("method", IMEX)
@@ -95,9 +94,8 @@ def test_order_in_h_of_the_viscous_moving_cell(method, levels):
 
 @EVERY
 def test_every_stage_conserves_actin_whatever_the_steps(method):
-    solver, film = bind(MOVING, Numerics(METHODS[method], 2, 1.0)), None
-    film = Film(solver)
-    outcome = integrate(solver, 1.0, (MOVING.time.end,), film, Tolerance(1e-4, METHODS[method].order_dt))
+    solver = bind(MOVING, Numerics(METHODS[method], 2, 1.0))
+    film, outcome = film_of(solver, 1.0, (MOVING.time.end,), 1e-4, METHODS[method].order_dt)
     assert outcome.ok
     assert len({round(s.t, 12) for s in film.states}) == len(film.states) > 4
     assert film.residual < 1e-13
@@ -109,8 +107,8 @@ def test_a_smaller_tolerance_gives_a_smaller_error(method):
 
     def error(rtol):
         solver = bind(MOVING, Numerics(METHODS[method], 2, 1.0))
-        film = Film(solver)
-        assert integrate(solver, 1.0, (MOVING.time.end,), film, Tolerance(rtol, order)).ok
+        film, outcome = film_of(solver, 1.0, (MOVING.time.end,), rtol, order)
+        assert outcome.ok
         return np.abs(film.last.x - truth.x).max()
 
     coarse, fine = error(1e-3), error(1e-6)
@@ -151,8 +149,7 @@ def test_a_model_that_breaks_down_ends_with_its_own_outcome():
     scene = load_scene("fig18-nonuniform-contraction")
     broken = scene_of("psi = 7.8e3\np = 0.026", a=str(scene.initial.a), end=0.05)
     solver = bind(broken, Numerics(METHODS["fem-p2-imex3"], 3, 1.0))
-    film = Film(solver)
-    outcome = integrate(solver, 1.0, broken.output_times, film, Tolerance(1e-4, 3))
+    film, outcome = film_of(solver, 1.0, broken.output_times, 1e-4, 3)
     assert outcome.ending is Ending.SINGULAR_DILATION
     assert 0.012 < film.last.t < 0.02
 
@@ -168,7 +165,7 @@ def test_a_wrong_weight_is_seen(monkeypatch):
 def test_film_and_outcome_of_an_adaptive_run_land_on_the_outputs():
     scene = load_scene("fig14-four-fronts")
     solver = bind(scene, Numerics(METHODS["fem-p2-imex3"], 2, 1.0))
-    film = Film(solver)
-    assert integrate(solver, 1.0, scene.output_times, film, Tolerance(1e-3, 3)).ok
+    film, outcome = film_of(solver, 1.0, scene.output_times, 1e-3, 3)
+    assert outcome.ok
     assert [frame.t for frame in film.frames] == [0.0, *scene.output_times]
     assert film_of(solver, 0.02, (0.02,))[1].ok

@@ -19,8 +19,8 @@ from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from fem import forms
 from fem.element import UNIFORM, lagrange
+from fem.fields import locate
 from fem.force_balance import ForceBalance
-from fem.measures import locate
 from fem.space import Space
 from tests.lab import local_orders
 

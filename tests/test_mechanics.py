@@ -11,7 +11,6 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from fem.force_balance import ForceBalance
-from fem.mesh import interleave, separate
 from tests.lab import FEM, FV
 
 MESH = disk(4, 0.8)
@@ -25,6 +24,16 @@ PHI = np.trace(GRADIENT)
 
 def model_of(psi=0.0, p=0.0, delta=Delta.NONE, rheology=Rheology.VISCOELASTIC):
     return Model(Parameters(psi, p), rheology, Closure.REFERENCE_NORMAL, delta)
+
+
+def interleave(x):
+    """Node vectors (2, N) as the unknowns (2 N,) of a system."""
+    return x.T.ravel()
+
+
+def separate(unknowns):
+    """Inverse of `interleave`."""
+    return unknowns.reshape(-1, 2).T
 
 
 def rim_force(stress, chain, scale=1.0):

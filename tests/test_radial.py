@@ -12,14 +12,13 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.theory.eigenfields import eigenfield
 from actin_xcheck.theory.modes import wavenumber
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.reduced.radial import Radial
 from fem.reduced.radial_space import Ray
-from tests.lab import Film, local_orders
+from tests.lab import film_of, local_orders
 
 MESH = disk(3, 0.8)
 POINTS = np.array([[0, 0], [0.4, 0], [0, 0.8], [0.5, -0.75], [-0.6, 0.8]]).T
@@ -148,8 +147,8 @@ def test_actin_is_conserved_to_round_off_and_errors_follow_the_tolerance(model, 
     exact, ends = after(truth, 0.2, 80), []
     for rtol in (1e-4, 1e-7):
         solver = Radial(problem, MESH, 3, 10, order)
-        film = Film(solver)
-        assert integrate(solver, 1.0, (0.1, 0.2), film, Tolerance(rtol, order)).ok
+        film, outcome = film_of(solver, 1.0, (0.1, 0.2), rtol, order)
+        assert outcome.ok
         assert film.residual < 1e-14
         ends.append(np.abs(film.last.x - exact.x).max())
     assert ends[1] < 50e-7
@@ -225,8 +224,7 @@ def test_axisymmetric_modes_grow_at_their_exact_rates(rheology, closure, n):
 
 def test_a_model_that_breaks_down_says_where_and_when():
     solver = Radial(ring(Model(Parameters(270.0, 0.433)), 0.1), MESH, 5, 10, 4)
-    film = Film(solver)
-    outcome = integrate(solver, 1.0, (0.2,), film, Tolerance(1e-6, 4))
+    film, outcome = film_of(solver, 1.0, (0.2,), 1e-6, 4)
     assert outcome.ending is Ending.SINGULAR_DILATION
     assert "R = 0.00" in outcome.message
     assert 0.09 < film.last.t < 0.1
@@ -238,8 +236,7 @@ def test_a_ring_that_turns_over_is_named():
 
     folding = Motion(lambda xi, t: xi + t * velocity(xi, t), velocity)
     solver = Radial(ring(EXPANSION, motion=folding), MESH, 3, 10, 4)
-    film = Film(solver)
-    outcome = integrate(solver, 0.01, (1.0,), film)
+    film, outcome = film_of(solver, 0.01, (1.0,))
     assert outcome.ending is Ending.TANGLED
     radii = np.linspace(0, 1, 2001)
     place = np.array([folding(np.array([[r], [0.0]]), film.last.t + 0.01)[0, 0] for r in radii])

@@ -11,17 +11,15 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.march import Tolerance, integrate
+from fem.fields import measure, orientation
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.measures import measure, orientation
-from fem.remesh.quality import SLIVER, shapes, soundness
 from fem.remesh.remeshing import RemeshedState, Remeshing
-from fem.remesh.space import Rebalanced, new_mesh
+from fem.remesh.space import SLIVER, Rebalanced, new_mesh, shapes, soundness
 from fem.remesh.transfer import Reading, projected
 from fem.remesh.triangulation import NoMesh, edge_of, remeshed
 from fem.space import Space
-from tests.lab import local_orders
+from tests.lab import Film, film_of, local_orders
 
 L0, SPIN = 0.8, 4.0
 
@@ -179,22 +177,8 @@ def remeshing(order: int, refine: int) -> tuple[FemImex, Remeshing]:
     )
 
 
-class Last:
-    """Keeps the last state and the largest residual."""
-
-    def __init__(self) -> None:
-        self.states: list[State] = []
-
-    def record(self, dt: float, state: State) -> None:
-        self.states.append(state)
-
-    def frame(self, state: State) -> None:
-        pass
-
-
-def run(solver, end: float) -> tuple[Last, Ending]:
-    seen = Last()
-    outcome = integrate(solver, 0.05, [end], seen, Tolerance(1e-4, 3))
+def run(solver, end: float) -> tuple[Film, Ending]:
+    seen, outcome = film_of(solver, 0.05, [end], 1e-4, 3)
     return seen, outcome.ending
 
 
@@ -205,7 +189,7 @@ def error(solver: FemImex, state: State) -> float:
 
 
 @cache
-def remeshed_run() -> tuple[Remeshing, Last, Ending]:
+def remeshed_run() -> tuple[Remeshing, Film, Ending]:
     _, solver = remeshing(2, 3)
     return solver, *run(solver, 0.45)
 

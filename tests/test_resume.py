@@ -11,19 +11,18 @@ import pytest
 from actin_xcheck.core.contract import State
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import unfinished
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from actin_xcheck.runs import checkpoint
-from actin_xcheck.runs.checkpoint import Keeper
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs import recorder
 from actin_xcheck.runs.fidelity import Fidelity, reduced
-from actin_xcheck.runs.march import Checkpoint, Tolerance, integrate
+from actin_xcheck.runs.march import March, Moment
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.recorder import Keeper
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
 from fem.remesh.remeshing import Remeshing
 from tests.kills import FRONTS, QUICK, ROUND, Kind, bits, go
-from tests.lab import Film
 
 
 def label(kind: Kind) -> str:
@@ -84,21 +83,18 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(kind: Kind, tmp_path: Path)
 def test_steps_depend_on_all_that_a_checkpoint_holds(tmp_path: Path) -> None:
     """Without its pace, or with another anchor, a run goes on to other bits: the tests above can fail."""
     scene, method = load_scene(FRONTS), METHODS["fem-p2-imex3"]
-    solver, tolerance = bind(scene, Numerics(method, 2, 1.0)), Tolerance(1e-4, 3)
-    kept: list[Checkpoint] = []
+    numerics = Numerics(method, 2, 1.0, 1e-4)
+    solver = bind(scene, numerics)
 
-    def keep(moment: Checkpoint) -> Outcome:
-        kept.append(moment)
-        return COMPLETED
+    def after(begin: Moment | None) -> list[bytes]:
+        march = March(solver, numerics, scene.output_times, begin)
+        positions = [moment.state.x.tobytes() for moment in march]
+        assert march.outcome.ok
+        return positions
 
-    def after(begin: Checkpoint | None) -> list[bytes]:
-        film = Film(solver)
-        assert integrate(solver, 1.0, scene.output_times, film, tolerance, begin, keep).ok
-        return [state.x.tobytes() for state in film.states]
-
-    whole = after(None)
-    middle = kept[len(whole) // 2]
-    count = len(whole) // 2 + 1
+    moments = list(March(solver, numerics, scene.output_times))
+    whole, count = [moment.state.x.tobytes() for moment in moments], len(moments) // 2 + 1
+    middle = moments[count - 1]
     memento = solver.memento(middle.state)
     assert after(replace(middle, state=solver.restored(memento))) == whole[count:]
     assert after(replace(middle, pace=None)) != whole[count:]
@@ -120,8 +116,8 @@ def test_checkpoints_cost_a_fiftieth_of_a_run(monkeypatch: pytest.MonkeyPatch) -
         def memento(self, state):
             return {}
 
-    monkeypatch.setattr(checkpoint.time, "perf_counter", lambda: clock[0])
-    moment = Checkpoint(State(0.0, np.zeros((2, 1)), np.ones(1), np.zeros((2, 1))))
+    monkeypatch.setattr(recorder.time, "perf_counter", lambda: clock[0])
+    moment = Moment(State(0.0, np.zeros((2, 1)), np.ones(1), np.zeros((2, 1))))
     keep = Keeper(Solver(), Writer(), began=1000.0)
     for _ in range(7010):
         assert keep(moment).ok
@@ -176,16 +172,16 @@ def test_a_checkpoint_that_is_not_whole_is_one_line(tmp_path: Path) -> None:
 def test_the_versions_that_differ_are_named_and_a_new_kernel_is_none():
     old = {"python": "3.11.7", "numpy": "2.0", "platform": "Linux-5"}
     now = {"python": "3.11.7", "numpy": "2.1", "platform": "Linux-6"}
-    assert checkpoint._unlike(json.dumps(old), json.dumps(now)) == ("numpy 2.0", "numpy 2.1")
-    assert checkpoint._unlike(json.dumps(old), json.dumps(old | {"platform": "Linux-6"})) == ("", "")
-    assert checkpoint._unlike("damaged", json.dumps(now)) == ("damaged", json.dumps(now))
+    assert recorder._unlike(json.dumps(old), json.dumps(now)) == ("numpy 2.0", "numpy 2.1")
+    assert recorder._unlike(json.dumps(old), json.dumps(old | {"platform": "Linux-6"})) == ("", "")
+    assert recorder._unlike("damaged", json.dumps(now)) == ("damaged", json.dumps(now))
 
 
 def test_a_run_goes_on_over_a_new_mesh_to_the_same_bits(tmp_path, monkeypatch):
     """Remeshed in its first step, because that is asked of it, and interrupted in its third."""
     begin = Remeshing.init
     monkeypatch.setattr(Remeshing, "init", lambda solver: replace(begin(solver), limit=0.999))
-    monkeypatch.setattr(checkpoint, "REST", 0.0)
+    monkeypatch.setattr(recorder, "REST", 0.0)
     scene, method, steps = load_scene("growing-disk"), METHODS["fem-p2-imex3"], []
 
     def interrupt(done, total):

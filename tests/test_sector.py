@@ -13,7 +13,6 @@ from actin_xcheck.core.model import Closure, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import polarity
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.march import Tolerance, integrate
 from actin_xcheck.runs.method import METHODS, load
 from actin_xcheck.scene.resolve import mesh_of, resolve
 from actin_xcheck.scene.scene import load_scene
@@ -21,7 +20,7 @@ from actin_xcheck.scene.symmetry import departure
 from fem import boundary
 from fem.force_balance import ForceBalance
 from fem.reduced.sector import Unfolded
-from tests.lab import Film, film_of, scene_of
+from tests.lab import film_of, scene_of
 
 FIG14 = load_scene("fig14-four-fronts")
 PROBES = np.array([[0, 0], [0.4, 0.1], [-0.8, 0], [0, -1], [np.cos(2), np.sin(2)], [0.3, -0.77]]).T
@@ -144,12 +143,13 @@ def test_every_closure_holds_on_a_turned_sector(closure, rheology, mirrors):
 
 def test_an_adaptive_quarter_takes_the_steps_of_the_disk_and_conserves_actin():
     """The error estimate is that of the whole: the same steps, to the output times."""
-    tolerance, films = Tolerance(1e-5, 4), []
+    films = []
     one = unfolded(FIG14, "fem-p3-imex4", 2, Symmetry(4, 0.0))
     other = solver_of(FIG14, "fem-p3-imex4", one.mesh)
     for solver in (one, other):
-        films.append(Film(solver))
-        assert integrate(solver, 1.0, FIG14.output_times, films[-1], tolerance).ok
+        film, outcome = film_of(solver, 1.0, FIG14.output_times, 1e-5, 4)
+        assert outcome.ok
+        films.append(film)
     first, second = films
     assert [s.t for s in first.states] == pytest.approx([s.t for s in second.states], abs=1e-9)
     assert first.last.local_error == pytest.approx(second.last.local_error, rel=1e-6)

@@ -23,9 +23,9 @@ from actin_xcheck.cli.output import FilesAnswer, schemas
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
-from actin_xcheck.runs.export import export
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.pictures import export
 from actin_xcheck.runs.run import run as stored_run
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import load_scene

@@ -54,7 +54,7 @@ def export_command(
     ParaView 5.12 and later need neither: they open the .vtkhdf itself; film.pvd is for those before.
     """
     from actin_xcheck.cli.output import FilesAnswer, say
-    from actin_xcheck.runs.export import export, files_of
+    from actin_xcheck.runs.pictures import export, files_of
     from actin_xcheck.runs.store import read_run
 
     run = read_run(file)

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +122,9 @@ class State:
     local_error: float = float("nan")
 
 
+S = TypeVar("S", bound=State)
+"""What a method keeps of a moment."""
+
 Memento = Mapping[str, NDArray[Any]]
 """A state as contiguous arrays by name: all that the steps after it depend on, and nothing that follows."""
 
@@ -172,11 +175,11 @@ class Frame:
     a_cells: Array
 
 
-Probes = Callable[[State], tuple[Array, Array]]
+Probes = Callable[[S], tuple[Array, Array]]
 """Concentrations (k,) and positions (k, 2) of material points in a state."""
 
 
-class Solver(Protocol):
+class Solver(Protocol[S]):
     """A method bound to a problem and a mesh: explicit `init`, pure `step`."""
 
     @property
@@ -189,39 +192,39 @@ class Solver(Protocol):
         """What frames are stored on."""
         ...
 
-    def init(self) -> State:
+    def init(self) -> S:
         """Return the state at t = 0."""
         ...
 
-    def step(self, state: State, dt: float) -> tuple[State, Outcome]:
+    def step(self, state: S, dt: float) -> tuple[S, Outcome]:
         """Return the state at t + dt and how the step went; a rejected step is simply dropped."""
         ...
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: S) -> Outcome:
         """Whether the configuration of a state is valid: no cell has turned over."""
         ...
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: S) -> Array:
         """Corner values (3, n_cells) of the concentration."""
         ...
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: S) -> Measures:
         """Area, total actin, centroid and rim of a state, by the method's own integrals."""
         ...
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: S) -> Frame:
         """The state on the grid."""
         ...
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[S]:
         """Return what reads concentration and position of material points (2, k) off a state."""
         ...
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: S) -> Memento:
         """The state to be kept: what `restored` makes it from again."""
         ...
 
-    def restored(self, memento: Memento) -> State:
+    def restored(self, memento: Memento) -> S:
         """Return the state; a step from it gives the bits that one from the original gives.
 
         Raises KeyError where the memento lacks something.
@@ -229,13 +232,13 @@ class Solver(Protocol):
         ...
 
 
-class Polygonal(ABC):
+class Polygonal(ABC, Generic[S]):
     """What a method measures whose cells are straight triangles and whose concentration is linear in each."""
 
     mesh: Mesh
 
     @abstractmethod
-    def corners(self, state: State) -> Array:
+    def corners(self, state: S) -> Array:
         """Corner values (3, n_cells) of the concentration."""
 
     @cached_property
@@ -243,15 +246,15 @@ class Polygonal(ABC):
         """The mesh itself."""
         return Grid(self.mesh.xi, self.mesh.triangles, 1)
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: S) -> Frame:
         """Nodal values are means of the corners that meet there."""
         return straight_frame(self.mesh, state, self.corners(state))
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: S) -> Outcome:
         """The orientation of every triangle."""
         return orientation(self.mesh, state.t, state.x)
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: S) -> Measures:
         """Integrals over the polygon."""
         triangles, x = self.mesh.triangles, state.x
         total = observables.total_actin(x, triangles, self.corners(state))
@@ -259,7 +262,7 @@ class Polygonal(ABC):
         size, centre = observables.area(x, triangles), observables.centroid(x, triangles)
         return Measures(size, total, centre, rim, observables.jacobian_min(self.mesh, x))
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[S]:
         """Linear interpolation in the triangles that hold the points (2, k)."""
         cells, weights = locate(self.mesh, points)
         triangles = self.mesh.triangles

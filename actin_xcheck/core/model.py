@@ -4,6 +4,7 @@ Nothing here knows of meshes.  Functions are plain arithmetic on arrays of any s
 non-dimensional.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actin_xcheck.core.choices import Closure, Delta, Rheology
+from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from actin_xcheck.core.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -46,6 +48,17 @@ class Model:
     def pressure(self, a: Array, phi: Array, delta: Array | float) -> Array:
         """p(a) = p/(1+phi) [1 + (2/pi) delta arctan a] (2.5); phi is the dilation div u."""
         return self.parameters.p / (1 + phi) * (1 + 2 / np.pi * delta * np.arctan(a))
+
+    def dilated(self, t: float, phi: Array, place: Callable[[int], str]) -> Outcome:
+        """Whether the pressure exists for dilations phi (n,) at t: it ends where 1 + phi <= 0 (2.5).
+
+        `place` says where the entry of some number is.
+        """
+        worst = int(np.argmin(phi))
+        if self.parameters.p == 0 or 1 + phi[worst] > 0:
+            return COMPLETED
+        where = f"1 + phi = {1 + phi[worst]:.3g} at t = {t:.6g} {place(worst)}"
+        return Outcome(Ending.SINGULAR_DILATION, f"{where}: the pressure (2.5) is singular there")
 
     def active_stress(self, a: Array, phi: Array, delta: Array | float) -> Array:
         """f = sigma(a) + p(a): the isotropic stress whose gradient drives the network (B.4)."""

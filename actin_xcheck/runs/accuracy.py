@@ -32,7 +32,7 @@ LEAST, WIDER = 0.1, 1.5
 
 
 @dataclass(frozen=True)
-class Level:
+class AccuracyLevel:
     """A discretisation and how much better it is than the level before.
 
     Attributes
@@ -50,16 +50,18 @@ class Level:
 
 
 LEVELS = (
-    Level(METHODS["fem-p2-imex3"], 2, 3e-4, math.nan),
-    Level(METHODS["fem-p3-imex4"], 2, 3e-5, SHARE),
-    Level(METHODS["fem-p4-imex4"], 2, 3e-6, SHARE),
-    Level(METHODS["fem-p4-imex4"], 3, 3e-7, 0.25),
-    Level(METHODS["fem-p4-imex4"], 4, 3e-8, 0.25),
-    Level(METHODS["fem-p4-imex4"], 5, 3e-9, 0.25),
+    AccuracyLevel(METHODS["fem-p2-imex3"], 2, 3e-4, math.nan),
+    AccuracyLevel(METHODS["fem-p3-imex4"], 2, 3e-5, SHARE),
+    AccuracyLevel(METHODS["fem-p4-imex4"], 2, 3e-6, SHARE),
+    AccuracyLevel(METHODS["fem-p4-imex4"], 3, 3e-7, 0.25),
+    AccuracyLevel(METHODS["fem-p4-imex4"], 4, 3e-8, 0.25),
+    AccuracyLevel(METHODS["fem-p4-imex4"], 5, 3e-9, 0.25),
 )
 """Errors fall tenfold or more from one level to the next, least from P3 to P4 on one mesh."""
 
-LEVELS_ON_A_RAY = tuple(Level(METHODS["fem-p4-imex4"], refine, math.nan, SHARE) for refine in (2, 3, 4, 5))
+LEVELS_ON_A_RAY = tuple(
+    AccuracyLevel(METHODS["fem-p4-imex4"], refine, math.nan, SHARE) for refine in (2, 3, 4, 5)
+)
 """The same where the cell is axisymmetric: elements of degree 10 on a ray leave errors in time alone."""
 
 SMALL = 0.1
@@ -96,7 +98,7 @@ class Delivered:
     """
 
     outcome: Outcome
-    level: Level
+    level: AccuracyLevel
     reduction: Reduction
     estimate: float
     changes: tuple[float, ...]
@@ -171,7 +173,7 @@ class _Climb:
         self.changes: list[float] = []
         self.shares: list[float] = []
 
-    def to_the_finest_needed(self, levels: Sequence[Level]) -> Delivered:
+    def to_the_finest_needed(self, levels: Sequence[AccuracyLevel]) -> Delivered:
         """Run levels until one is accurate enough, or two fail alike; the run of the last is left."""
         before: Run | None = None
         failed: Run | None = None
@@ -192,7 +194,7 @@ class _Climb:
             failed = None if outcome.ok else now
         return reached
 
-    def _run(self, level: Level, order_dt: float) -> tuple[Outcome, Run]:
+    def _run(self, level: AccuracyLevel, order_dt: float) -> tuple[Outcome, Run]:
         """Run a level; the first one whose steps are of the finest's order finds their tolerance too."""
         comparable = level.method.order_dt == order_dt
         rtol = self.rtol if comparable else level.rtol
@@ -201,7 +203,7 @@ class _Climb:
             now = self._find_tolerance(level, now)
         return outcome, now
 
-    def _find_tolerance(self, level: Level, now: Run) -> Run:
+    def _find_tolerance(self, level: AccuracyLevel, now: Run) -> Run:
         """Tighten the tolerance until steps use up their part of the accuracy; return the run with it."""
         finer = self.path.with_stem("finer")
         while True:
@@ -214,7 +216,7 @@ class _Climb:
             os.replace(finer, self.path)
             self.rtol, now = FINER * self.rtol, better
 
-    def _share(self, level: Level, now: Run) -> float:
+    def _share(self, level: AccuracyLevel, now: Run) -> float:
         """Of the change to a level, the part that is its own error, by what the last halving left."""
         coarse, fine = (self.runs.get((level.method.name, level.refine - n)) for n in (2, 1))
         if coarse is None or fine is None or not (gained := self._change(coarse, now)):
@@ -254,7 +256,7 @@ def estimated(changes: Sequence[float], shares: Sequence[float]) -> float:
     Parameters
     ----------
     changes : from level to level, (n,).
-    shares : of the levels that were changed to, see `Level`, (n,).
+    shares : of the levels that were changed to, see `AccuracyLevel`, (n,).
 
     A change is the error of the level before, but for the little that is left.  Where it is larger than what
     that level's share had promised, levels do not resolve the scene yet: the next share is widened as much.

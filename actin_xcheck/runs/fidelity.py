@@ -12,7 +12,7 @@ from actin_xcheck.core.model import Array, Delta, Rheology
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.resolve import resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.scene.symmetry import Found, symmetry_of
+from actin_xcheck.scene.symmetry import Symmetries, symmetry_of
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,13 @@ def reduced(
     return replace(reduction, left_out=_left_out(scene, reduction))
 
 
-def _not_radial(method: Method, found: Found) -> str:
+def _not_radial(method: Method, found: Symmetries) -> str:
     if not _by_stages(method):
         return "it is integrated by the pairs fem-p*-imex* alone"
     return "" if found.axisymmetric else "its data depend on the angle"
 
 
-def _not_a_sector(scene: Scene, method: Method, found: Found) -> str:
+def _not_a_sector(scene: Scene, method: Method, found: Symmetries) -> str:
     if method.family != "fem":
         return "symmetry sides are made for finite elements alone"
     if found.axisymmetric:

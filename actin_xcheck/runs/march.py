@@ -1,31 +1,20 @@
 """The one time loop: steps that land on every output time; a failed step ends the run as a value."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil
-from typing import Protocol
+from typing import Generic
 
 import numpy as np
 
-from actin_xcheck.core.contract import Solver, State
+from actin_xcheck.core.contract import S, Solver
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-
-
-class Observer(Protocol):
-    """Who watches a run; the loop knows nothing of stores and screens."""
-
-    def record(self, dt: float, state: State) -> None:
-        """See every state, the initial one with dt = 0."""
-        ...
-
-    def frame(self, state: State) -> None:
-        """See the initial state and the state at each output time."""
-        ...
+from actin_xcheck.runs.numerics import Numerics
 
 
 def step_count(dt: float, output_times: Sequence[float]) -> int:
-    """Number of steps `integrate` takes."""
+    """Number of equal steps of at most dt that a `March` takes."""
     return sum(_steps(start, end, dt) for start, end in pairwise((0.0, *output_times)))
 
 
@@ -34,91 +23,80 @@ def _steps(start: float, end: float, dt: float) -> int:
 
 
 @dataclass(frozen=True)
-class Tolerance:
-    """What an adaptive run is asked for.
+class Moment(Generic[S]):
+    """A run between two steps: all that follows is a function of its state and pace, to the last bit.
 
     Attributes
     ----------
-    relative : largest local error a step may make, in the sense of `State.local_error`.
-    order : of the method; a step's error estimate falls like its power.
-    """
-
-    relative: float
-    order: float
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """A run between two steps: all that follows is a function of this, to the last bit.
-
-    Attributes
-    ----------
-    state : where the run is; the observer has seen it.
+    state : where the run is.
     pace : of an adaptive run, the step that would be tried next and the error of the last one.
+    dt : the step that led here, 0 at the start.
+    is_output : whether this is the start or an output time.
     """
 
-    state: State
+    state: S
     pace: tuple[float, float] | None = None
+    dt: float = 0.0
+    is_output: bool = False
 
 
-Keep = Callable[[Checkpoint], Outcome]
-"""Told of every moment at which a run could be interrupted; an Outcome that is not ok ends it there."""
-
-
-def integrate(
-    solver: Solver,
-    dt: float,
-    output_times: Sequence[float],
-    observer: Observer,
-    tolerance: Tolerance | None = None,
-    begin: Checkpoint | None = None,
-    keep: Keep = lambda checkpoint: COMPLETED,
-) -> Outcome:
-    """Run from t = 0, or from a checkpoint, through the output times.
+class March(Generic[S]):
+    """A run, moment by moment: its start, then what every step leads to, through the output times.
 
     Parameters
     ----------
     solver : a method bound to its problem.
-    dt : the largest step.
-    output_times : increasing, positive; the last one is the end.
-    observer : sees every state and every output.
-    tolerance : None for equal steps between the output times; else steps are chosen by their error.
-    begin : a checkpoint of a run with the same arguments; what comes after it is what came after it there.
-    keep : told before every step.
+    numerics : its dt is the largest step; with a tolerance, steps are chosen by their error.
+    times : the output times, increasing, positive; the last one is the end.
+    begin : a moment of a run with the same arguments; what comes after it is what came after it there.
 
-    Returns
-    -------
-    The Outcome: `completed`, or how and where the run ended before its time.
+    Attributes
+    ----------
+    state : the last one that stands.
+    outcome : `completed`, unless the run has ended before its time: then how and where.
     """
-    state = solver.init() if begin is None else begin.state
-    outcome = solver.check(state) if state.t == 0 else COMPLETED
-    if begin is None:
-        observer.record(0.0, state)
-        observer.frame(state)
-    controller = None if tolerance is None else Controller(tolerance, dt, begin.pace if begin else None)
-    for start, end in pairwise((0.0, *output_times)):
-        if state.t >= end:
-            continue
-        steps = _steps(start, end, dt)
-        while state.t < end:
-            if outcome.ok:
-                kept = keep(Checkpoint(state, None if controller is None else controller.pace))
-                if not kept.ok:
-                    return kept
-            if outcome.ok and controller is not None:
-                new, outcome = controller.step(solver, state, end)
-            elif outcome.ok:
-                new, outcome = checked_step(solver, state, (end - start) / steps)
-            if not outcome.ok:
-                if state.t > start:  # the last state that stands is worth a picture
-                    observer.frame(state)
-                return outcome
-            if abs(new.t - end) < 1e-9 * (end - start):
-                new = replace(new, t=end)
-            observer.record(new.t - state.t, new)
-            state = new
-        observer.frame(state)
-    return outcome
+
+    def __init__(
+        self, solver: Solver[S], numerics: Numerics, times: Sequence[float], begin: Moment[S] | None = None
+    ) -> None:
+        self._solver, self._dt, self._times, self._begin = solver, numerics.dt, times, begin
+        self._controller: Controller | None = None
+        if numerics.rtol is not None:
+            pace = begin.pace if begin else None
+            self._controller = Controller(numerics.rtol, numerics.method.order_dt, numerics.dt, pace)
+        self.state = solver.init() if begin is None else begin.state
+        self.outcome = solver.check(self.state) if self.state.t == 0 else COMPLETED
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a step is to follow."""
+        return self.outcome.ok and self.state.t < self._times[-1]
+
+    @property
+    def is_cut_short(self) -> bool:
+        """Whether it has failed between two output times, so that its last state is worth a picture."""
+        return not self.outcome.ok and self.state.t not in (0.0, *self._times)
+
+    def __iter__(self) -> Iterator[Moment[S]]:
+        """Go through the moments; those after one that is begun with, which has been seen."""
+        if self._begin is None:
+            yield self._moment(0.0, True)
+        for start, end in pairwise((0.0, *self._times)):
+            equal = (end - start) / _steps(start, end, self._dt)
+            while self.state.t < end and self.outcome.ok:
+                if self._controller is None:
+                    new, self.outcome = checked_step(self._solver, self.state, equal)
+                else:
+                    new, self.outcome = self._controller.step(self._solver, self.state, end)
+                if not self.outcome.ok:
+                    return
+                if abs(new.t - end) < 1e-9 * (end - start):
+                    new = replace(new, t=end)
+                dt, self.state = new.t - self.state.t, new
+                yield self._moment(dt, new.t >= end)
+
+    def _moment(self, dt: float, is_output: bool) -> Moment[S]:
+        return Moment(self.state, self._controller.pace if self._controller else None, dt, is_output)
 
 
 class Controller:
@@ -126,13 +104,16 @@ class Controller:
 
     Parameters
     ----------
-    tolerance : what is asked for.
+    tolerance : largest local error a step may make, relative, in the sense of `State.local_error`.
+    order : of the method; a step's error estimate falls like its power.
     largest : the largest step.
     pace : of the controller that this one takes over from.
     """
 
-    def __init__(self, tolerance: Tolerance, largest: float, pace: tuple[float, float] | None = None) -> None:
-        self.tolerance, self.largest = tolerance, largest
+    def __init__(
+        self, tolerance: float, order: float, largest: float, pace: tuple[float, float] | None = None
+    ) -> None:
+        self.tolerance, self.order, self.largest = tolerance, order, largest
         self.dt, self.before = pace or (min(largest, 1e-3), 1.0)
 
     @property
@@ -140,13 +121,13 @@ class Controller:
         """All it remembers: the step to be tried next and the error of the last one, over the tolerance."""
         return self.dt, self.before
 
-    def step(self, solver: Solver, state: State, end: float) -> tuple[State, Outcome]:
+    def step(self, solver: Solver[S], state: S, end: float) -> tuple[S, Outcome]:
         """One step that meets the tolerance and does not pass `end`; tries again with smaller ones.
 
         A step that fails is tried again too, for the failure may be the step's; at `SMALLEST` of the time
         that has passed it is the state's, and its Outcome stands.
         """
-        order, goal = self.tolerance.order, self.tolerance.relative
+        order, goal = self.order, self.tolerance
         while True:
             left = end - state.t
             # the last two steps before an output time share what is left
@@ -172,7 +153,7 @@ SMALLEST = 1e-9
 """Of the time that has passed: smaller steps are not tried."""
 
 
-def checked_step(solver: Solver, state: State, dt: float) -> tuple[State, Outcome]:
+def checked_step(solver: Solver[S], state: S, dt: float) -> tuple[S, Outcome]:
     """One step; a rejected one returns the state it started from."""
     new, outcome = solver.step(state, dt)
     if outcome.ok and not np.isfinite(new.a).all():

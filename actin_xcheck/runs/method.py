@@ -41,7 +41,7 @@ SPECTRUM = "fem.reduced.spectrum:Spectrum"
 REMESHING = "fem.remesh.remeshing:Remeshing"
 """Curved elements whose mesh is replaced when it is about to fold."""
 
-SHAPES, SOUNDNESS = "fem.remesh.quality:shapes", "fem.remesh.quality:soundness"
+SHAPES, SOUNDNESS = "fem.remesh.space:shapes", "fem.remesh.space:soundness"
 """The shape of a mesh's cells, and whether it is about to fold."""
 
 

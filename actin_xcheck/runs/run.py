@@ -2,21 +2,20 @@
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from actin_xcheck.core.choices import Fidelity
-from actin_xcheck.core.contract import Mechanics, Problem, Solver, State
+from actin_xcheck.core.contract import Mechanics, Move, Problem, Solver, State
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
 from actin_xcheck.core.mesh import Mesh, disk, sector
 from actin_xcheck.core.motion import PrescribedMotion, RecordedMotion
 from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.checkpoint import Keeper, earlier, taken_up
-from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import (
     HAND_OVER,
     METHODS,
@@ -30,7 +29,7 @@ from actin_xcheck.runs.method import (
     load,
 )
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.recorder import Amplitude, Corners, Paths, Progress, Recorder
+from actin_xcheck.runs.recorder import Amplitude, Keeper, Progress, Recorder, earlier, taken_up
 from actin_xcheck.runs.store import RunWriter, provenance
 from actin_xcheck.scene.outline import refined
 from actin_xcheck.scene.resolve import mode_field, resolve, starts_from_steady_state
@@ -61,9 +60,7 @@ def bind(scene: Scene, numerics: Numerics, perturbed: bool = True) -> Solver:
     recorded: Mechanics | None = None
     if problem.motion is None and method.driven_by is not None:
         driver = bind(scene, replace(numerics, method=find_method(method.driven_by)), perturbed)
-        paths = Paths()
-        outcome = integrate(driver, numerics.dt, scene.output_times, paths)
-        recorded = RecordedMotion(np.array(paths.times), tuple(paths.moves), outcome)
+        recorded = _recorded(driver, numerics, scene.output_times)
 
     def spatial(problem: Problem) -> Solver:
         if reduction.symmetry is None:
@@ -83,6 +80,14 @@ def bind(scene: Scene, numerics: Numerics, perturbed: bool = True) -> Solver:
     modal = load(MODAL)(problem, whole, ANGULAR, MODAL_ELEMENTS, RAY_DEGREE)
     solver = load(HAND_OVER)(modal, spatial, reduction.bound)
     return solver
+
+
+def _recorded(solver: Solver, numerics: Numerics, times: Sequence[float]) -> RecordedMotion:
+    """The node paths of a run in equal steps, to drive another one."""
+    march = March(solver, replace(numerics, rtol=None), times)
+    states = [moment.state for moment in march]
+    moves = (Move(one.x, one.v, net_force=one.net_force, net_torque=one.net_torque) for one in states)
+    return RecordedMotion(np.array([one.t for one in states]), tuple(moves), march.outcome)
 
 
 def solver_for(problem: Problem, method: Method, mesh: Mesh, mechanics: Mechanics | None = None) -> Solver:
@@ -112,9 +117,8 @@ def amplitude_of(scene: Scene, numerics: Numerics, solver: Solver) -> Amplitude 
             "valid: --dt without --rtol"
         )
     twin = bind(scene, replace(numerics, remesh=False), perturbed=False)
-    corners = Corners(twin)
-    integrate(twin, numerics.dt, scene.output_times, corners)
-    return Amplitude(scene, solver.mesh, corners.values)
+    moments = March(twin, numerics, scene.output_times)
+    return Amplitude(scene, solver.mesh, [twin.corners(moment.state) for moment in moments])
 
 
 def run(
@@ -126,7 +130,7 @@ def run(
     resume: bool = False,
     stop: Callable[[], int] = lambda: 0,
 ) -> Outcome:
-    """Run a scene and store everything about it.
+    """Run a scene and store everything about it; return its Outcome, which the file holds too.
 
     While it lasts, and if it is killed, `unfinished(path)` holds its last checkpoint, see `Keeper`.
 
@@ -140,13 +144,8 @@ def run(
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
     stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
 
-    Returns
-    -------
-    The Outcome, which the file holds too: a failed run is stored like any other.
-
-    Raises
-    ------
-    UserError : the file cannot be written, another process writes it, or `resume` finds another run there.
+    Raises UserError where the file cannot be written, another process writes it, or `resume` finds another
+    run there.
     """
     began = time.perf_counter()
     attributes = _attributes(scene, numerics, command)
@@ -154,36 +153,42 @@ def run(
     with locked(path), np.errstate(all="ignore"):
         before = earlier(path, attributes) if resume else None
         if before is not None and before.path == path:
-            ending = Ending(before.attributes["outcome"])
-            return Outcome(ending, before.attributes["message"] or f"{path} was finished before")
+            said = before.attributes["message"] or f"{path} was finished before"
+            return Outcome(Ending(before.attributes["outcome"]), said)
         began -= before.attributes["wall_seconds"] if before else 0.0
         goes_on, before = before is not None, None  # its film is large
         solver = bind(scene, numerics)
-        if not hasattr(solver, "memento"):
-            raise UserError(
-                f"--method {numerics.method.name}: its solver lacks memento and restored; valid: with both"
-            )
+        _check(solver, numerics)
         amplitude = amplitude_of(scene, numerics, solver)
         delta, grid = scene.physics.delta_on_cells(solver.mesh.centroids), solver.grid
         with RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer:
             recorder = Recorder(scene, solver, writer, amplitude, progress)
             begin = taken_up(solver, writer) if goes_on else None
-            recorder.last = begin.state if begin else None
-            keeper = Keeper(solver, writer, began, stop)
-            outcome = integrate(
-                solver, numerics.dt, scene.output_times, recorder, tolerance_of(numerics), begin, keeper
-            )
-            can_remesh = remeshes(numerics.method) and numerics.mesh is None and not numerics.remesh
-            if outcome.ending is Ending.TANGLED and can_remesh and scene.motion is None:
-                outcome = _told(outcome, solver, recorder.last)
+            march = March(solver, numerics, scene.output_times, begin)
+            outcome = _followed(march, recorder, Keeper(solver, writer, began, stop))
+            if outcome.ending is Ending.TANGLED:
+                outcome = _told(outcome, scene, numerics, solver, march.state)
             if outcome.ending is not Ending.INTERRUPTED:
                 writer.finish(outcome, time.perf_counter() - began)
     return outcome
 
 
-def tolerance_of(numerics: Numerics) -> Tolerance | None:
-    """What its steps are chosen by; None where they are equal."""
-    return None if numerics.rtol is None else Tolerance(numerics.rtol, numerics.method.order_dt)
+def _check(solver: Solver, numerics: Numerics) -> None:
+    if not hasattr(solver, "memento"):
+        raise UserError(
+            f"--method {numerics.method.name}: its solver lacks memento and restored; valid: with both"
+        )
+
+
+def _followed(march: March, recorder: Recorder, keeper: Keeper) -> Outcome:
+    """Record a run to its end, or to where it has to stop."""
+    for moment in march:
+        recorder.record(moment)
+        if march.goes_on and not (kept := keeper(moment)).ok:
+            return kept
+    if march.is_cut_short:
+        recorder.frame(march.state)
+    return march.outcome
 
 
 def remeshes(method: Method) -> bool:
@@ -191,10 +196,11 @@ def remeshes(method: Method) -> bool:
     return method.solver == METHODS["fem-p1-imex2"].solver
 
 
-def _told(outcome: Outcome, solver: Solver, last: State | None) -> Outcome:
-    """A fold with what the cells of the last state that stands say about it."""
+def _told(outcome: Outcome, scene: Scene, numerics: Numerics, solver: Solver, last: State) -> Outcome:
+    """A fold with what the cells of the last state that stands say about it, where a new mesh would help."""
+    own = numerics.mesh is not None or numerics.remesh or scene.motion is not None
     space = getattr(getattr(solver, "inner", solver), "space", None)  # of a sector's solver, or of the disk's
-    if space is None or last is None:
+    if own or space is None or not remeshes(numerics.method):
         return outcome
     worn = load(SOUNDNESS)(space, last.t, last.x)
     return outcome if worn.ok else Outcome(outcome.ending, f"{worn.message}: {outcome.message}")

@@ -23,13 +23,13 @@ from actin_xcheck.scene.tables import (
     Domain,
     Expect,
     Initial,
-    Motion,
+    MotionTable,
     ParametersTable,
-    Probes,
-    Source,
+    ProbesTable,
+    SourceTable,
     Switches,
-    Table,
     Time,
+    TomlTable,
     mistake,
     require_motion,
     require_term,
@@ -66,20 +66,20 @@ class _Given(reprlib.Repr):
 _GIVEN = _Given()
 
 
-class Scene(Table):
+class Scene(TomlTable):
     """One physical problem on the unit disk; see `load_scene`."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)
     source: Annotated[
-        Source, BeforeValidator(lambda given: {"citation": given} if isinstance(given, str) else given)
-    ] = Source()
+        SourceTable, BeforeValidator(lambda given: {"citation": given} if isinstance(given, str) else given)
+    ] = SourceTable()
     parameters_table: ParametersTable | None = Field(default=None, alias="parameters")
     dimensional: DimensionalTable | None = None
     model: Switches = Switches()
     initial: Initial
     time: Time
-    probes: Probes = Probes()
-    motion: Motion | None = None
+    probes: ProbesTable = ProbesTable()
+    motion: MotionTable | None = None
     domain: Domain = Domain()
     as_published: AsPublished = AsPublished()
     expect: Expect = Expect()

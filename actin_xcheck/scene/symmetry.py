@@ -27,7 +27,7 @@ EXACT = 1e-12
 
 
 @dataclass(frozen=True)
-class Found:
+class Symmetries:
     """What the data are symmetric under.
 
     Attributes
@@ -40,7 +40,7 @@ class Found:
     mirrors: Symmetry | None
 
 
-def symmetry_of(problem: Problem, end: float) -> Found:
+def symmetry_of(problem: Problem, end: float) -> Symmetries:
     """Find the symmetry of a problem that runs to t = end (non-dimensional)."""
     even, odd = (np.array(list(signals)) for signals in _signals(problem, end))
     scale = max(np.abs(even).max(), 1.0)
@@ -48,17 +48,17 @@ def symmetry_of(problem: Problem, end: float) -> Found:
     there = np.abs(harmonics).max(axis=(0, 1)) > NOTHING * scale
     swirls = np.abs(np.fft.rfft(odd, axis=-1) / ANGLES).max(axis=(0, 1)) > NOTHING * scale
     if swirls[0]:  # the same swirl at every angle has no mirror line
-        return Found(False, None)
+        return Symmetries(False, None)
     active = np.flatnonzero(there | swirls)
     active = active[active > 0]
     if not active.size:
-        return Found(departure(problem, Symmetry(1, 0.37), end) <= EXACT, None)
+        return Symmetries(departure(problem, Symmetry(1, 0.37), end) <= EXACT, None)
     mirrors = gcd(*active.tolist())
     for start in _starts(harmonics, there, mirrors):
         symmetry = Symmetry(mirrors, start)
         if departure(problem, symmetry, end) <= EXACT:
-            return Found(False, symmetry)
-    return Found(False, None)
+            return Symmetries(False, symmetry)
+    return Symmetries(False, None)
 
 
 def departure(problem: Problem, symmetry: Symmetry, end: float) -> float:

@@ -37,7 +37,7 @@ NEAR = 1e-7
 
 T = TypeVar("T")
 Many = Annotated[tuple[T, ...], Field(strict=False, fail_fast=True)]  # a TOML array
-Pair = Annotated[tuple[T, T], Field(strict=False)]
+Two = Annotated[tuple[T, T], Field(strict=False)]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
@@ -83,11 +83,11 @@ def _not_infinite(value: float) -> float:
     return value
 
 
-Judged = Annotated[float, Field(allow_inf_nan=True), AfterValidator(_not_infinite)]
+OrNan = Annotated[float, Field(allow_inf_nan=True), AfterValidator(_not_infinite)]
 Initially = Annotated[Expression, _expression_in("x", "y", "r", "theta")]
 Following = Annotated[Expression, _expression_in("x0", "y0", "t")]
 Anywhere = Annotated[Expression, _expression_in("x", "y", "r", "theta", "x0", "y0", "t")]
-Point = Annotated[Pair[float], AfterValidator(_in_disk)]
+InDisk = Annotated[Two[float], AfterValidator(_in_disk)]
 
 
 def mistake(key: str, given: object, valid: str) -> PydanticCustomError:
@@ -124,7 +124,7 @@ def _require(
         raise mistake(key, str(given), f"should be {what} on the unit disk at t = {t:.6g}, but {where}")
 
 
-def require_motion(motion: "Motion", time: "Time") -> None:
+def require_motion(motion: "MotionTable", time: "Time") -> None:
     """Raise unless a motion has positions and velocities from t = 0 to the end."""
     few = _few()
     for key, component in ("motion.x", motion.x), ("motion.y", motion.y):
@@ -138,7 +138,7 @@ def require_motion(motion: "Motion", time: "Time") -> None:
 
 
 def require_term(
-    key: str, term: Expression, motion: "Motion | None", rests_until: float, times: Iterable[float]
+    key: str, term: Expression, motion: "MotionTable | None", rests_until: float, times: Iterable[float]
 ) -> None:
     """Raise unless a term of current position, material point and time has values at all times.
 
@@ -156,7 +156,7 @@ def require_term(
         _require(key, term, good, values, f"finite and at most {LARGEST:g}", origin, t)
 
 
-class Table(BaseModel):
+class TomlTable(BaseModel):
     """A TOML table: no unknown keys, no conversions, no infinities, immutable."""
 
     model_config = ConfigDict(
@@ -164,14 +164,14 @@ class Table(BaseModel):
     )
 
 
-class Source(Table):
+class SourceTable(TomlTable):
     """Where the scene comes from, and the source term of the transport equation (current position, t)."""
 
     citation: str = ""
     a: Anywhere | None = None
 
 
-class ParametersTable(Table):
+class ParametersTable(TomlTable):
     """`[parameters]`: non-dimensional, defaults of Table 2."""
 
     psi: NonNegativeGroup
@@ -184,7 +184,7 @@ class ParametersTable(Table):
     l0: Fraction = Parameters.l0
 
 
-class DimensionalTable(Table):
+class DimensionalTable(TomlTable):
     """`[dimensional]`: `parameters.UNITS` and defaults of Table 1."""
 
     psi: NonNegative
@@ -201,7 +201,7 @@ class DimensionalTable(Table):
     L: Positive = DimensionalParameters.L
 
 
-class Switches(Table):
+class Switches(TomlTable):
     """`[model]`: the readings the article leaves open."""
 
     rheology: Annotated[Rheology, Field(strict=False)] = Model.rheology
@@ -210,7 +210,7 @@ class Switches(Table):
     reaction: bool = Model.reaction
 
 
-class Mode(Table):
+class ModeTable(TomlTable):
     """A linear mode of the unit disk.
 
     For `irrotational-wall` w_mn, numbered as in A.1; for the moving cell the n-th rate of angular number m by
@@ -221,17 +221,17 @@ class Mode(Table):
     n: int = Field(ge=1, le=100)
 
 
-class Eigenmode(Mode):
+class Eigenmode(ModeTable):
     """A linear mode added to a and u at t = 0."""
 
     amplitude: float
 
 
-class Initial(Table):
+class Initial(TomlTable):
     """`[initial]`: a and u at the material points."""
 
     a: Initially
-    u: Pair[Initially] | None = None
+    u: Two[Initially] | None = None
     eigenmode: Eigenmode | None = None
 
     @model_validator(mode="after")
@@ -249,7 +249,7 @@ class Initial(Table):
         return self
 
 
-class Time(Table):
+class Time(TomlTable):
     """`[time]`: the end, and the times to keep."""
 
     end: float = Field(gt=0, le=LATEST)
@@ -277,13 +277,13 @@ class Time(Table):
         return float(min(max(t, EARLIEST), np.nextafter(self.end, 0.0)))
 
 
-class Probes(Table):
+class ProbesTable(TomlTable):
     """`[probes]`: material points to follow, by where they start."""
 
-    points: Many[Point] = Field(default=(), max_length=MOST)
+    points: Many[InDisk] = Field(default=(), max_length=MOST)
 
 
-class Motion(Table):
+class MotionTable(TomlTable):
     """`[motion]`: prescribed positions of the material points (x0, y0) at t."""
 
     x: Following
@@ -299,20 +299,20 @@ class Motion(Table):
         return self
 
 
-class Domain(Table):
+class Domain(TomlTable):
     """`[domain]`: degrees by which the whole scene is turned about the origin, anticlockwise."""
 
     rotation: float = 0.0
 
 
-class AsPublished(Table):
+class AsPublished(TomlTable):
     """`[as_published]`: mesh and step the article printed (refine 5 has 2113 nodes, 6 has 8321)."""
 
     refine: int | None = Field(default=None, ge=1, le=10)
     dt: Positive | None = None
 
 
-class Bound(Table):
+class Bound(TomlTable):
     """What an error is held to: h2 h^2 + dt dt."""
 
     h2: NonNegative = 0.0
@@ -325,34 +325,34 @@ class Bound(Table):
         return self
 
 
-class Exact(Table):
+class Exact(TomlTable):
     """`[expect.exact]`: the concentration at current position, material point and time; L2, relative."""
 
     a: Anywhere
     bound: Bound
 
 
-class GrowthRate(Mode):
+class GrowthRate(ModeTable):
     """`[expect.growth_rate]`: a mode that grows as theory says, fitted over a window of time."""
 
-    window: Pair[NonNegative]
+    window: Two[NonNegative]
     bound: Bound
 
 
-class Reference(Table):
+class Reference(TomlTable):
     """`[[expect.reference.at]]`: values at one output time; nan is not judged.
 
     `probe_a` and `probe_x` hold one entry per probe.
     """
 
     time: Positive
-    area: Judged | None = None
-    total_actin: Judged | None = None
-    probe_a: Many[Judged] | None = None
-    probe_x: Many[Pair[Judged]] | None = None
+    area: OrNan | None = None
+    total_actin: OrNan | None = None
+    probe_a: Many[OrNan] | None = None
+    probe_x: Many[Two[OrNan]] | None = None
 
 
-class ReferenceBounds(Table):
+class ReferenceBounds(TomlTable):
     """`[expect.reference.bound]`: per quantity; relative for area and total actin, absolute for probes."""
 
     area: Bound | None = None
@@ -361,7 +361,7 @@ class ReferenceBounds(Table):
     probe_x: Bound | None = None
 
 
-class References(Table):
+class References(TomlTable):
     """`[expect.reference]`: values somebody else computed, and how closely they are to be met."""
 
     origin: str
@@ -369,13 +369,13 @@ class References(Table):
     at: Many[Reference] = Field(min_length=1, max_length=MOST)
 
 
-class Agreement(Table):
+class Agreement(TomlTable):
     """`[expect.agreement]`: FEM against FV, relative L2 of cell means at the end."""
 
     bound: Bound
 
 
-class Expect(Table):
+class Expect(TomlTable):
     """`[expect]`: what the scene is checked against."""
 
     exact: Exact | None = None

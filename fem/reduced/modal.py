@@ -19,7 +19,7 @@ from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.reduced.radial_modes import AngularMode, slopes
-from fem.reduced.radial_space import Canvas, Ray
+from fem.reduced.radial_space import FrameMesh, Ray
 
 ComplexArray = NDArray[np.complex128]
 
@@ -111,9 +111,8 @@ class Modal:
         """The initial data's harmonics."""
         return self._state(0.0, self._initial, self.left_out)
 
-    def step(self, state: State, dt: float) -> tuple[ModalState, Outcome]:
+    def step(self, state: ModalState, dt: float) -> tuple[ModalState, Outcome]:
         """Exact for any dt, up to what is neglected."""
-        assert isinstance(state, ModalState)
         harmonics, fed, part = state.harmonics, state.fed, dt / LOOKS
         size, grown = self._mean_square(harmonics), np.exp(part * self._fastest)
         for _ in range(LOOKS):
@@ -126,12 +125,11 @@ class Modal:
             return state, Outcome(Ending.NON_FINITE, f"the modes are not finite at t = {t:.6g}")
         return self._state(t, harmonics, fed), COMPLETED
 
-    def amplitude(self, state: State) -> float:
+    def amplitude(self, state: ModalState) -> float:
         """The larger of |a - 1| and of the entries of grad u, over the disk."""
-        assert isinstance(state, ModalState)
         return float(np.abs(self._perturbation(state.harmonics)).max())
 
-    def neglected(self, state: State) -> float:
+    def neglected(self, state: ModalState) -> float:
         """Estimate the error in a (of 1) and in positions (of the radius) that quadratic terms would make up.
 
         What is neglected at an instant, like a = 1/J for uniform stretch, is at most about `AT_ONCE` times
@@ -139,12 +137,10 @@ class Modal:
         with g the fastest growth that two of the modes together can excite, s the mean of |a - 1|^2 +
         |grad u|^2 and c the rate of `_feeding`.  Full runs differ by a fourth to a hundredth of the estimate.
         """
-        assert isinstance(state, ModalState)
         return AT_ONCE * self.amplitude(state) ** 2 + state.fed
 
-    def handed_over(self, state: State) -> Problem:
+    def handed_over(self, state: ModalState) -> Problem:
         """The problem that starts from a state: another solver goes on from its time as from t = 0."""
-        assert isinstance(state, ModalState)
         harmonics, count = state.harmonics, self.ray.nodes.size
         return replace(
             self.problem,
@@ -157,30 +153,26 @@ class Modal:
         """Quadratic cells on the mesh."""
         return self._canvas.grid
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: ModalState) -> Frame:
         """The modes at the nodes of the grid."""
-        assert isinstance(state, ModalState)
         reader, h = self._on_grid, state.harmonics
         x = reader.xi + reader.vector(h[:, self.ray.nodes.size :])
         return self._canvas.frame(x, reader.vector(self._flow(h)), reader.concentration(h))
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: ModalState) -> Array:
         """Values (3, n_cells) at the corners of the mesh."""
-        assert isinstance(state, ModalState)
         return self._on_mesh.concentration(state.harmonics)[self.mesh.triangles]
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: ModalState) -> Outcome:
         """The orientation of the displaced disk at its points."""
-        assert isinstance(state, ModalState)
         smallest = self._jacobian(state.harmonics).min()
         if smallest > 0:
             return COMPLETED
         message = f"det dx/dxi falls to {smallest:.3g} at t = {state.t:.6g}: no small perturbation"
         return Outcome(Ending.TANGLED, message)
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: ModalState) -> Measures:
         """Integrals over the displaced cell, whose errors are those of the fields themselves."""
-        assert isinstance(state, ModalState)
         jacobian = self._jacobian(state.harmonics)
         angle = 2 * np.pi / self._theta.size
         dx = jacobian * (angle * self.ray.weights * self.ray.points)[:, None]
@@ -188,20 +180,18 @@ class Modal:
         total = float((state.a.reshape(dx.shape) * dx).sum())
         return Measures(area, total, (x * dx).sum(axis=(1, 2)) / area, x[:, -1], float(jacobian.min()))
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[ModalState]:
         """The modes at material points (2, k)."""
         reader, count = self._reader(points), self.ray.nodes.size
 
-        def read(state: State) -> tuple[Array, Array]:
-            assert isinstance(state, ModalState)
+        def read(state: ModalState) -> tuple[Array, Array]:
             h = state.harmonics
             return reader.concentration(h), (reader.xi + reader.vector(h[:, count:])).T
 
         return read
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: ModalState) -> Memento:
         """The state and its harmonics."""
-        assert isinstance(state, ModalState)
         return {**remembered(state), "harmonics": state.harmonics, "fed": np.asarray(state.fed)}
 
     def restored(self, memento: Memento) -> ModalState:
@@ -295,8 +285,8 @@ class Modal:
         return _Reader(xi, theta, basis, np.exp(1j * np.outer(self.numbers, theta)))
 
     @cached_property
-    def _canvas(self) -> Canvas:
-        return Canvas(self.mesh, self.problem.model.parameters.l0)
+    def _canvas(self) -> FrameMesh:
+        return FrameMesh(self.mesh, self.problem.model.parameters.l0)
 
     @cached_property
     def _on_grid(self) -> _Reader:

@@ -25,7 +25,7 @@ from actin_xcheck.core.model import Array, Closure, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from fem.reduced.radial_space import Canvas, Ray
+from fem.reduced.radial_space import FrameMesh, Ray
 from fem.tableaux import TABLEAUX
 
 AROUND = 2 * np.pi * np.arange(16) / 16
@@ -106,19 +106,18 @@ class Radial:
         """Quadratic cells on the mesh."""
         return self._canvas.grid
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: RadialState) -> Frame:
         """The ray's polynomials at the nodes of the grid."""
         outward, rows = self._lifted
         x, v = (outward * (rows @ field) for field in (state.x[0], state.v[0]))
         return self._canvas.frame(x, v, rows @ state.a)
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: RadialState) -> Array:
         """Values (3, n_cells) at the corners of the mesh."""
         return (self._on_mesh @ state.a)[self.mesh.triangles]
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: RadialState) -> Measures:
         """Integrals over the round cell, exact for its polynomials."""
-        assert isinstance(state, RadialState)
         rim, shape = state.x[0, -1], state.shape
         points = rim * np.array([np.cos(AROUND), np.sin(AROUND)])
         # r dr/R dR is (dr/dR)^2 at the centre
@@ -126,15 +125,14 @@ class Radial:
         jacobian = np.append(shape.r * shape.slope / self.ray.points, centre**2).min()
         return Measures(np.pi * rim**2, float(state.content.sum()), np.zeros(2), points, float(jacobian))
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[RadialState]:
         """The polynomials at material points (2, k), turned to where the points are."""
         outward, rows = self._lift(points)
         # the centre is at 0, not at -0
         return lambda state: (rows @ state.a, (outward * (rows @ state.x[0])).T + 0.0)
 
-    def step(self, state: State, dt: float) -> tuple[RadialState, Outcome]:
+    def step(self, state: RadialState, dt: float) -> tuple[RadialState, Outcome]:
         """One step of the pair; its embedded solution gives `local_error`."""
-        assert isinstance(state, RadialState)
         pair, k = self.tableau, self.problem.model.reaction_rate()
         v, outcome = self._velocity(state.t, state.x[0], state.shape, state.a)
         gain, total = self._gain(state.t, state.shape), k * state.content
@@ -164,14 +162,12 @@ class Radial:
             return state, outcome
         return self._combined(state, dt, np.array(velocities), np.array(rates), gained)
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: RadialState) -> Outcome:
         """Whether every ring lies outside of those that started inside of it."""
-        assert isinstance(state, RadialState)
         return self._orientation(state.t, state.shape)
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: RadialState) -> Memento:
         """The state and P; the configuration follows from the positions."""
-        assert isinstance(state, RadialState)
         return {**remembered(state), "content": state.content}
 
     def restored(self, memento: Memento) -> RadialState:
@@ -222,7 +218,7 @@ class Radial:
         else:
             along, across = self._nothing, self._nothing
         dilation = along + across
-        if not (outcome := self._dilation_outcome(t, dilation)).ok:
+        if not (outcome := model.dilated(t, dilation, self._place)).ok:
             return np.zeros_like(r), outcome
         f = model.active_stress(ray.values @ a, dilation, self.delta)
         stress = f + nu_prime * dilation
@@ -255,16 +251,8 @@ class Radial:
         message = f"the ring that started at R = {where:.3f} has turned over at t = {t:.6g}"
         return Outcome(Ending.TANGLED, message)
 
-    def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:
-        """1 + phi <= 0 is where the pressure (2.5) ends."""
-        worst = int(np.argmin(dilation))
-        if self.problem.model.parameters.p == 0 or 1 + dilation[worst] > 0:
-            return COMPLETED
-        message = (
-            f"1 + phi = {1 + dilation[worst]:.3g} at t = {t:.6g} on the ring that started at "
-            f"R = {self.ray.points[worst]:.3f}: the pressure (2.5) is singular there"
-        )
-        return Outcome(Ending.SINGULAR_DILATION, message)
+    def _place(self, point: int) -> str:
+        return f"on the ring that started at R = {self.ray.points[point]:.3f}"
 
     @cached_property
     def _on_mesh(self) -> Array:
@@ -272,8 +260,8 @@ class Radial:
         return self._lift(self.mesh.xi)[1]
 
     @cached_property
-    def _canvas(self) -> Canvas:
-        return Canvas(self.mesh, self.problem.model.parameters.l0)
+    def _canvas(self) -> FrameMesh:
+        return FrameMesh(self.mesh, self.problem.model.parameters.l0)
 
     @cached_property
     def _lifted(self) -> tuple[Array, Array]:

@@ -9,8 +9,7 @@ from numpy.polynomial.legendre import Legendre, leggauss, legvander
 from actin_xcheck.core.contract import Frame
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
-from fem.frames import Lattice
-from fem.measures import cell_means
+from fem.fields import Lattice, cell_means
 from fem.space import Space
 
 MORE_POINTS = 3
@@ -103,7 +102,7 @@ class Ray:
         return start + width * (1 + local) / 2
 
 
-class Canvas:
+class FrameMesh:
     """What frames of fields known everywhere are drawn on: quadratic curved cells.
 
     Parameters

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Generic
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from actin_xcheck.core import lagrange
-from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Solver, State
+from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, S, Solver
 from actin_xcheck.core.mesh import ON_A_LINE, Indices, Mesh, shared_nodes, unfold
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
@@ -52,7 +53,7 @@ class _Tiling:
         return found
 
 
-class Unfolded:
+class Unfolded(Generic[S]):
     """A solver on a sector, measured as the disk that the sector's images tile.
 
     States are the inner solver's: x, v and a belong to the sector.
@@ -63,7 +64,7 @@ class Unfolded:
     mesh : the disk to be seen, where the sector's images tile it; else the one they do tile is.
     """
 
-    def __init__(self, inner: Solver, mesh: Mesh) -> None:
+    def __init__(self, inner: Solver[S], mesh: Mesh) -> None:
         assert inner.mesh.symmetry is not None
         self.inner, self.symmetry = inner, inner.mesh.symmetry
         self.images = self.symmetry.images
@@ -80,31 +81,31 @@ class Unfolded:
         part = self.inner.grid
         return Grid(self._lifted(part.xi), cells, part.order)
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: S) -> Frame:
         """The sector's frame and its images."""
         part = self.inner.frame(state)
         node, _ = self._unfolded_nodes[1]
         return Frame(self._lifted(part.x), self._lifted(part.v), part.a[node], part.a_cells[self.tiling.cell])
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: S) -> Outcome:
         """The sector's cells stand for all."""
         return self.inner.check(state)
 
-    def init(self) -> State:
+    def init(self) -> S:
         """The sector at t = 0."""
         return self.inner.init()
 
-    def step(self, state: State, dt: float) -> tuple[State, Outcome]:
+    def step(self, state: S, dt: float) -> tuple[S, Outcome]:
         """One step of the sector; mirror images of the gauge's force add up or cancel."""
         new, outcome = self.inner.step(state, dt)
         force_x, force_y = (self.images.sum(axis=0) @ new.net_force).tolist()
         return replace(new, net_force=(force_x, force_y)), outcome
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: S) -> Array:
         """Corner values (3, n_cells) on the disk."""
         return self.inner.corners(state)[self.tiling.corner, self.tiling.cell]
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: S) -> Measures:
         """Of the whole cell; its rim counter-clockwise, as the images meet."""
         part, copies = self.inner.measure(state), len(self.images)
         rims = np.einsum("wij,jn->win", self.images, part.rim)
@@ -117,22 +118,22 @@ class Unfolded:
             rim=np.hstack(list(rims[..., :-1])),
         )
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[S]:
         """What the sector reads at the points (2, k) that these are images of, put back to where they are."""
         folded, image = self.symmetry.fold(points)
         read, images = self.inner.probes(folded), self.images[image]
 
-        def unfolded(state: State) -> tuple[Array, Array]:
+        def unfolded(state: S) -> tuple[Array, Array]:
             a, x = read(state)
             return a, np.einsum("nij,nj->ni", images, x)
 
         return unfolded
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: S) -> Memento:
         """The sector's."""
         return self.inner.memento(state)
 
-    def restored(self, memento: Memento) -> State:
+    def restored(self, memento: Memento) -> S:
         """The sector's."""
         return self.inner.restored(memento)
 

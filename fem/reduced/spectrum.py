@@ -4,13 +4,15 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 from numpy.typing import NDArray
-from skfem import BilinearForm
+from skfem import Basis, BilinearForm, ElementTriP1, ElementVector, FacetBasis, MeshTri
 from skfem.helpers import div, dot
 
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Closure, Model, Rheology
 from fem import forms
 from fem.force_balance import ForceBalance
+
+P1 = ElementTriP1()
 
 
 @BilinearForm
@@ -65,8 +67,10 @@ class Spectrum:
         still, rest = mesh.xi, np.ones(mesh.triangles.shape)
         viscosity = balance.assemble(still, rest, 0.0).matrix
         elasticity = balance.assemble(still, rest, 1.0).matrix - viscosity
-        inside, rim = balance.bases.vector_load.reference, balance.bases.rim.reference
-        scalar = balance.bases.scalar.reference
+        triangles = mesh.triangles.astype(np.int32, order="C")
+        plain, vector = MeshTri(np.ascontiguousarray(mesh.xi), triangles, sort_t=False), ElementVector(P1)
+        inside, rim = Basis(plain, vector, intorder=2), FacetBasis(plain, vector, intorder=3)
+        scalar = Basis(plain, P1, intorder=2)
         on_rim = _load_on_rim.assemble(rim.with_element(scalar.elem), rim)
         load = slope * (_load_inside.assemble(scalar, inside) + on_rim)
         mass, stiffness = forms.mass.assemble(scalar), forms.stiffness.assemble(scalar)

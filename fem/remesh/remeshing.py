@@ -12,12 +12,10 @@ from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
 from actin_xcheck.core.outcome import Outcome
+from fem.fields import Lattice, cell_means, measure
 from fem.force_balance import ForceBalance
-from fem.frames import Lattice
 from fem.imex import FemImex, ImexState
-from fem.measures import cell_means, measure
-from fem.remesh.quality import SLIVER, shapes
-from fem.remesh.space import Rebalanced, new_mesh, placed_space
+from fem.remesh.space import SLIVER, Rebalanced, new_mesh, placed_space, shapes
 from fem.remesh.transfer import Reading, projected
 from fem.remesh.triangulation import NoMesh, edge_of, remeshed
 from fem.space import Space
@@ -99,13 +97,12 @@ class Remeshing:
         blank = RemeshedState(inner.t, inner.x, inner.a, inner.v)
         return _outer(blank, Part(self.first, self._shown), inner)
 
-    def step(self, state: State, dt: float) -> tuple[State, Outcome]:
+    def step(self, state: RemeshedState, dt: float) -> tuple[RemeshedState, Outcome]:
         """A step on the mesh of the moment, replaced after it where it is about to fold.
 
         Where no better mesh is found the run goes on as long as no cell turns over.
         """
         part, inner = _parts(state)
-        assert isinstance(state, RemeshedState)
         new, outcome = part.solver.step(inner, dt)
         if not outcome.ok:
             return state, outcome
@@ -118,22 +115,22 @@ class Remeshing:
         except NoMesh:
             return replace(after, limit=LESS * worst), outcome
 
-    def check(self, state: State) -> Outcome:
+    def check(self, state: RemeshedState) -> Outcome:
         """The orientation of the cells of the moment."""
         part, inner = _parts(state)
         return part.solver.check(inner)
 
-    def corners(self, state: State) -> Array:
+    def corners(self, state: RemeshedState) -> Array:
         """Values (3, n_cells) at the corners of the first mesh's cells."""
         part, inner = _parts(state)
         return part.reading.of(inner.a)[self.mesh.triangles]
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: RemeshedState) -> Measures:
         """Integrals over the cells of the moment."""
         part, inner = _parts(state)
         return part.solver.measure(inner)
 
-    def frame(self, state: State) -> Frame:
+    def frame(self, state: RemeshedState) -> Frame:
         """The polynomials of the moment at the nodes of the grid."""
         part, inner = _parts(state)
         read = [part.reading.of(nodal) for nodal in (inner.x, inner.v, inner.a)]
@@ -141,22 +138,21 @@ class Remeshing:
         x, v, a = (self._lattice.moved(nodal) for nodal in read)
         return Frame(x, v, a, means)
 
-    def probes(self, points: Array) -> Probes:
+    def probes(self, points: Array) -> Probes[RemeshedState]:
         """Material points (2, k), found in every mesh anew."""
 
         @lru_cache(maxsize=1)  # those of meshes that have been left are not asked again
-        def of(part: Part) -> Probes:
+        def of(part: Part) -> Probes[ImexState]:
             return part.solver.probes(points)
 
-        def read(state: State) -> tuple[Array, Array]:
+        def read(state: RemeshedState) -> tuple[Array, Array]:
             part, inner = _parts(state)
             return of(part)(inner)
 
         return read
 
-    def memento(self, state: State) -> Memento:
+    def memento(self, state: RemeshedState) -> Memento:
         """The inner solver's, with the mesh of the moment and what is counted."""
-        assert isinstance(state, RemeshedState)
         part, inner = _parts(state)
         mesh, space = part.solver.mesh, part.solver.space
         counted = {name: np.asarray(getattr(state, name)) for name in _COUNTED}
@@ -176,7 +172,7 @@ class Remeshing:
         blank = RemeshedState(inner.t, inner.x, inner.a, inner.v, **counted)
         return _outer(blank, part, inner)
 
-    def _replaced(self, state: RemeshedState) -> tuple[State, Outcome]:
+    def _replaced(self, state: RemeshedState) -> tuple[RemeshedState, Outcome]:
         """The same moment on a new mesh: x and v interpolated, a projected, total actin kept.
 
         Raises
@@ -206,9 +202,8 @@ def _outer(state: RemeshedState, part: Part, inner: ImexState) -> RemeshedState:
     return replace(state, **common, part=part, inner=inner)
 
 
-def _parts(state: State) -> tuple[Part, ImexState]:
+def _parts(state: RemeshedState) -> tuple[Part, ImexState]:
     """The solver of the moment and its state, at the time that the time loop gave it."""
-    assert isinstance(state, RemeshedState)
     assert state.part is not None
     assert state.inner is not None
     return state.part, replace(state.inner, t=state.t)

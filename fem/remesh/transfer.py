@@ -10,7 +10,7 @@ from actin_xcheck.core.linear import solve
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Outcome
-from fem.measures import locate
+from fem.fields import locate
 from fem.space import Space
 
 CHUNK = 4_000_000

@@ -14,8 +14,7 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from actin_xcheck.core.mesh import Indices, Mesh, signed_areas
 from actin_xcheck.core.model import Array
-from fem.remesh.quality import SLIVER, shapes
-from fem.remesh.space import new_mesh, pulled_back
+from fem.remesh.space import SLIVER, new_mesh, pulled_back, shapes
 from fem.remesh.transfer import Reading
 from fem.space import Space
 

@@ -9,7 +9,7 @@ load exceeds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -17,14 +17,15 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
-from actin_xcheck.core.contract import Mechanics, Move, State
+from actin_xcheck.core.contract import Mechanics, Move
 from actin_xcheck.core.mesh import INTERIOR_POINTS, Mesh, disk, locate
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.observables import area, centroid
 from actin_xcheck.core.parameters import DimensionalParameters
 from actin_xcheck.report.exhibits import Line, Plot, Sheet
-from actin_xcheck.runs.march import integrate, step_count
+from actin_xcheck.runs.march import March, step_count
 from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.row import Answer, answer, examines
@@ -308,20 +309,11 @@ class ProjectedAfterwards:
 
 @dataclass
 class _Course:
-    """An observer that keeps times, centroids and areas."""
+    """Times, centroids along x and areas of a run."""
 
-    mesh: Mesh
-    t: list[float] = field(default_factory=list)
-    x: list[float] = field(default_factory=list)
-    area: list[float] = field(default_factory=list)
-
-    def record(self, dt: float, state: State) -> None:
-        self.t.append(state.t)
-        self.x.append(float(centroid(state.x, self.mesh.triangles)[0]))
-        self.area.append(area(state.x, self.mesh.triangles))
-
-    def frame(self, state: State) -> None:
-        """Every state is kept already."""
+    t: list[float]
+    x: list[float]
+    area: list[float]
 
 
 def _course(mesh: Mesh, model: Model, mechanics_of: Any) -> _Course:
@@ -330,9 +322,13 @@ def _course(mesh: Mesh, model: Model, mechanics_of: Any) -> _Course:
     problem = replace(resolve(scene), model=model)
     mechanics: Mechanics = mechanics_of(model, mesh)
     solver = load(METHODS["fem-p1-paper"].solver)(problem, mesh, mechanics)
-    course = _Course(mesh)
-    integrate(solver, _DT, scene.output_times, course)
-    return course
+    march = March(solver, Numerics(METHODS["fem-p1-paper"], _REFINE, _DT), scene.output_times)
+    states = [moment.state for moment in march]
+    return _Course(
+        t=[state.t for state in states],
+        x=[float(centroid(state.x, mesh.triangles)[0]) for state in states],
+        area=[area(state.x, mesh.triangles) for state in states],
+    )
 
 
 def _courses(mesh: Mesh, viscous: Model, free: Model) -> dict[str, _Course]:

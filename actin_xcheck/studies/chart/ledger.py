@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.contract import Problem, Solver, State
+from actin_xcheck.core.contract import Problem, Solver
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Sheet
-from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.resolve import mesh_of, resolve, turn_matrix
 from actin_xcheck.scene.scene import Scene
@@ -128,22 +129,6 @@ class Trace:
     ending: str
 
 
-class _Watch:
-    """Observes a run: keeps its output times, and counts steps."""
-
-    def __init__(self) -> None:
-        self.frames: list[State] = []
-        self.steps = -1  # the initial state is none
-
-    def record(self, dt: float, state: State) -> None:
-        """Count."""
-        self.steps += 1
-
-    def frame(self, state: State) -> None:
-        """Keep a state."""
-        self.frames.append(state)
-
-
 def ledger_tasks(scene: Scene, refine: int = REFINE) -> list[Task]:
     """What is run for a scene's ledger: finer, whole, and without each term that does something."""
     problem = resolve(scene)
@@ -181,23 +166,27 @@ def traced(asked: Run, folder: Path) -> Trace:
         solvers.append(solver_for(_OF[asked.without].drop(problem), METHOD, mesh))
     solver = solvers[-1]
     points = turn_matrix(scene) @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-    end, watch, probes = scene.output_times[-1], _Watch(), solver.probes(points)
-    tolerance = Tolerance(RTOL / 10**finer, METHOD.order_dt)
+    end, probes = scene.output_times[-1], solver.probes(points)
+    numerics = Numerics(METHOD, asked.refine + finer, end, RTOL / 10**finer)
+    march, steps, outputs = March(solver, numerics, scene.output_times), -1, []  # the first is no step
     with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        outcome = integrate(solver, end, scene.output_times, watch, tolerance)
-        measured = [solver.measure(state) for state in watch.frames]
-        read = [probes(state) for state in watch.frames]
+        for moment in march:
+            steps += 1
+            if moment.is_output:
+                outputs.append(moment.state)
+        measured = [solver.measure(state) for state in outputs]
+        read = [probes(state) for state in outputs]
     seconds = _step_seconds(solvers, end / 100)
     count = points.shape[1]
     return Trace(
-        times=np.array([state.t for state in watch.frames]),
+        times=np.array([state.t for state in outputs]),
         area=np.array([one.area for one in measured]),
         total_actin=np.array([one.total_actin for one in measured]),
         probe_a=np.array([a for a, _ in read]).reshape(len(read), count),
         probe_x=np.array([x for _, x in read]).reshape(len(read), count, 2),
-        steps=watch.steps,
+        steps=steps,
         seconds=np.array([seconds[0], seconds[-1]]),
-        ending=str(outcome.ending),
+        ending=str(march.outcome.ending),
     )
 
 

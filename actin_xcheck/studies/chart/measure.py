@@ -1,7 +1,7 @@
 """One run of a chart in a process of its own: time, counted work, memory, and what came out."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,9 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
-from actin_xcheck.runs.march import integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.run import bind, tolerance_of
+from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene
 
@@ -128,22 +128,6 @@ def cloud(l0: float) -> tuple[Array, Array]:
     return points, np.repeat(np.concatenate(weights), ANGLES)
 
 
-@dataclass
-class _Watch:
-    """Observes a run as cheaply as can be: counts steps and keeps the states at the output times."""
-
-    steps: int = -1
-    frames: list[State] = field(default_factory=list)
-
-    def record(self, dt: float, state: State) -> None:
-        """Count; the initial state is no step."""
-        self.steps += 1
-
-    def frame(self, state: State) -> None:
-        """Keep a state; what is read off it is no part of the run."""
-        self.frames.append(state)
-
-
 class _Counted:
     """A solver that counts how often it is asked for a step."""
 
@@ -181,8 +165,8 @@ def measured(asked: Asked, folder: Path) -> Sample:
         wall=np.array([run.wall for run in runs]),
         cpu=np.array([run.cpu for run in runs]),
         kernel=np.stack(kernel),
-        steps=last.watch.steps,
-        rejected=last.solver.tried - last.watch.steps,
+        steps=last.steps,
+        rejected=last.solver.tried - last.steps,
         cells=last.solver.mesh.triangles.shape[1],
         factorisations=last.work.get(FACTORISATIONS, 0),
         solves=last.work.get(SOLVES, 0),
@@ -198,25 +182,33 @@ def answered(asked: Asked, folder: Path) -> Answer:
 
 @dataclass(frozen=True, eq=False)
 class _Timed:
-    """One repetition: seconds of wall and processor time, counted work, and what can be read off."""
+    """One repetition: seconds of wall and processor time, counted work, and what can be read off.
+
+    `outputs` are the states at the output times, the initial one among them; reading them is no part of it.
+    """
 
     wall: float
     cpu: float
     work: dict[str, int]
-    watch: _Watch
+    steps: int
+    outputs: list[State]
     solver: _Counted
-    outcome: Outcome
+    march: March
 
 
 def _timed(scene: Scene, point: Numerics) -> _Timed:
     WORK.clear()
-    watch, tolerance = _Watch(), tolerance_of(point)
+    steps, outputs = -1, []  # the initial state is no step
     began = time.perf_counter(), time.process_time()
     solver = _Counted(bind(scene, point))
     with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        outcome = integrate(solver, point.dt, scene.output_times, watch, tolerance)
+        march = March(solver, point, scene.output_times)
+        for moment in march:
+            steps += 1
+            if moment.is_output:
+                outputs.append(moment.state)
     wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
-    return _Timed(wall, cpu, dict(WORK), watch, solver, outcome)
+    return _Timed(wall, cpu, dict(WORK), steps, outputs, solver, march)
 
 
 def _warm_up(scene: Scene, point: Numerics) -> None:
@@ -229,13 +221,13 @@ def _warm_up(scene: Scene, point: Numerics) -> None:
 
 def _answer(scene: Scene, run: _Timed) -> Answer:
     turn, count = turn_matrix(scene), len(scene.probes.points)
-    reached = [state for state in run.watch.frames if state.t in scene.output_times]
+    reached = [state for state in run.outputs if state.t in scene.output_times]
     probes = run.solver.probes(turn @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T)
     read = [probes(state) for state in reached]
-    cloud_a, cloud_x = run.solver.probes(turn @ cloud(scene.parameters.l0)[0])(run.watch.frames[-1])
+    cloud_a, cloud_x = run.solver.probes(turn @ cloud(scene.parameters.l0)[0])(run.march.state)
     return Answer(
-        ending=str(run.outcome.ending),
-        message=run.outcome.message,
+        ending=str(run.march.outcome.ending),
+        message=run.march.outcome.message,
         times=np.array([state.t for state in reached]),
         area=np.array([run.solver.measure(state).area for state in reached]),
         probe_a=np.array([a for a, _ in read]).reshape(len(read), count),

@@ -8,7 +8,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.closures.measure import BASE, Rim, Spectrum
+from actin_xcheck.studies.closures.measure import BASE, Rim, RippleGrowth
 from actin_xcheck.theory.ripples import advance_per_fold, ripple_exponent
 
 JUDGED = 0.4
@@ -74,7 +74,7 @@ def ladders(rims: Sequence[Rim]) -> list[Ladder]:
     return found
 
 
-def departure(spectrum: Spectrum, nodes_a_wave: float = RESOLVED) -> float:
+def departure(spectrum: RippleGrowth, nodes_a_wave: float = RESOLVED) -> float:
     """Largest departure |gamma - theory|/theory of ripples with so many rim nodes a wave; nan for none."""
     resolved = spectrum.modes * nodes_a_wave <= spectrum.nodes
     apart = np.abs(spectrum.measured / spectrum.predicted - 1)[np.logical_and(resolved, spectrum.known)]
@@ -101,7 +101,7 @@ def reason(rims: Sequence[Rim]) -> str:
     )
 
 
-def on_growth(spectra: Sequence[Spectrum]) -> list[str]:
+def on_growth(spectra: Sequence[RippleGrowth]) -> list[str]:
     """How ripples grow, one sentence a spectrum of `current-normal` and one for all of `reference-normal`.
 
     And one for every spectrum of which runs failed.
@@ -135,7 +135,7 @@ def on_growth(spectra: Sequence[Spectrum]) -> list[str]:
     return said
 
 
-def _about(one: Spectrum) -> str:
+def _about(one: RippleGrowth) -> str:
     """A spectrum's numerics in words."""
     way = "advancing" if one.asked.advancing else "retracting"
     return f"{one.asked.method}, {one.nodes} rim nodes, {way}"

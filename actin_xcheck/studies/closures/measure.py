@@ -5,7 +5,8 @@ so that the coarser run's times are the finer one's too.  Steps are equal: no st
 a rim that is lost.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import ceil, log2
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.march import integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
@@ -36,24 +37,10 @@ def rim_of(grid: Grid) -> Indices:
     return np.roll(nodes, -int(np.argmin(np.abs(np.arctan2(y, x)))))
 
 
-@dataclass
-class Rims:
-    """An observer that keeps the rim (2, n) of every state."""
-
-    solver: Solver
-    times: list[float] = field(default_factory=list)
-    rims: list[Array] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._nodes = rim_of(self.solver.grid)
-
-    def record(self, dt: float, state: State) -> None:
-        """Keep the rim."""
-        self.times.append(state.t)
-        self.rims.append(self.solver.frame(state).x[:, self._nodes])
-
-    def frame(self, state: State) -> None:
-        """Output times mean nothing here."""
+def rims_of(solver: Solver, states: Sequence[State]) -> Array:
+    """The rims (n_states, 2, n) of the states of a run."""
+    nodes = rim_of(solver.grid)
+    return np.array([solver.frame(state).x[:, nodes] for state in states])
 
 
 def mean_radius(rim: Array) -> Array:
@@ -120,7 +107,7 @@ class Ripples:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class RippleGrowth:
     """What was measured.
 
     Attributes
@@ -161,7 +148,7 @@ def rippled(closure: Closure, advancing: bool, m: int) -> Scene:
     return base.varied(changes, f"{BASE}-{m}")
 
 
-def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:
+def measure(asked: Ripples, folder: Path = Path()) -> RippleGrowth:
     """Run every ripple beside the disk without one and read off how its amplitude grew."""
     bare, trouble = _rims(asked, 0)
     nodes = bare.shape[-1]
@@ -179,7 +166,7 @@ def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:
         amplitude = ripple @ np.cos(m * angles) * 2 / nodes
         measured.append(np.log(np.abs(amplitude[-1] / amplitude[0])) / np.log(radius[-1] / radius[0]))
     parameters = load_scene(BASE).parameters
-    return Spectrum(
+    return RippleGrowth(
         asked=asked,
         nodes=nodes,
         speed=np.nan if trouble else float((radius[-1] - radius[0]) / (STEPS * DT)),
@@ -193,11 +180,13 @@ def measure(asked: Ripples, folder: Path = Path()) -> Spectrum:
 def _rims(asked: Ripples, m: int) -> tuple[Array, str]:
     """The rim (n_states, 2, n) of a run with the ripple m, and why the run failed; empty where it did not."""
     scene = rippled(asked.closure, asked.advancing, m)
-    solver = bind(scene, Numerics(find_method(asked.method), asked.refine, DT))
-    rims = Rims(solver)
+    numerics = Numerics(find_method(asked.method), asked.refine, DT)
+    solver = bind(scene, numerics)
+    march = March(solver, numerics, scene.output_times)
     with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
-        outcome = integrate(solver, DT, scene.output_times, rims)
-    return np.array(rims.rims), "" if outcome.ok else f"{outcome.ending.replace('_', ' ')}, {outcome.message}"
+        rims = rims_of(solver, [moment.state for moment in march])
+    ended = march.outcome
+    return rims, "" if ended.ok else f"{ended.ending.replace('_', ' ')}, {ended.message}"
 
 
 FEWEST_STEPS = 10
@@ -338,7 +327,9 @@ def follow(course: Course, folder: Path) -> Rim:
     file.parent.mkdir(exist_ok=True)
     replace_file(file, scene.text.encode())
     solver = bind(scene, course.numerics)
-    rims = Rims(solver)
+    march = March(solver, course.numerics, scene.output_times)
     with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
-        outcome = integrate(solver, course.dt, scene.output_times, rims)
-    return Rim(course, np.array(rims.times), np.array(rims.rims), str(outcome.ending), outcome.message)
+        states = [moment.state for moment in march]
+        rims = rims_of(solver, states)
+    times, ended = np.array([state.t for state in states]), march.outcome
+    return Rim(course, times, rims, str(ended.ending), ended.message)

@@ -16,8 +16,8 @@ from actin_xcheck.studies.closures.measure import (
     ROUGH,
     Course,
     Rim,
+    RippleGrowth,
     Ripples,
-    Spectrum,
     follow,
     mean_radius,
     measure,
@@ -31,10 +31,10 @@ EXAGGERATED = 3.0
 _SPACING = "distance of rim nodes, in radii"
 
 
-def on_ripples(spectra: Sequence[Spectrum]) -> tuple[Plot, ...]:
+def on_ripples(spectra: Sequence[RippleGrowth]) -> tuple[Plot, ...]:
     """Charts of measured rates against theory's."""
     current = [one for one in spectra if one.asked.closure is Closure.CURRENT_NORMAL]
-    by_method: dict[str, list[Spectrum]] = {}
+    by_method: dict[str, list[RippleGrowth]] = {}
     for one in current:
         if one.asked.advancing:
             by_method.setdefault(one.asked.method, []).append(one)
@@ -55,7 +55,7 @@ def on_ripples(spectra: Sequence[Spectrum]) -> tuple[Plot, ...]:
     return tuple(plot for plot in plots if plot.lines)
 
 
-def _rates(key: str, title: str, note: str, spectra: Sequence[Spectrum]) -> Plot:
+def _rates(key: str, title: str, note: str, spectra: Sequence[RippleGrowth]) -> Plot:
     """Rates over |V|/R of spectra that go the same way, beside those of theory with `current-normal`.
 
     A ripple whose run failed is a gap.
@@ -211,7 +211,7 @@ class Ripple:
     message: str
 
 
-def _ripples(spectra: Sequence[Spectrum]) -> list[Ripple]:
+def _ripples(spectra: Sequence[RippleGrowth]) -> list[Ripple]:
     return [
         Ripple(
             method=one.asked.method,
@@ -263,7 +263,7 @@ def closures(asked: Sequence[Ripples | Course]) -> Study:
         else Task(follow, one, one.seconds, (one.file,))
         for one in asked
     ]
-    spectra = [one for one in answers if isinstance(one, Spectrum)]
+    spectra = [one for one in answers if isinstance(one, RippleGrowth)]
     rims = [one for one in answers if isinstance(one, Rim)]
     found = ladders(rims)
     return Report(

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.contract import Solver, State
+from actin_xcheck.core.contract import Solver
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
-from actin_xcheck.runs.accuracy import Level
+from actin_xcheck.runs.accuracy import AccuracyLevel
 from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import Method, find_method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.distortion import (
     aspects,
@@ -213,7 +214,7 @@ class Converged:
     rtol: float
 
     @classmethod
-    def at(cls, scene: Scene, level: Level) -> "Converged":
+    def at(cls, scene: Scene, level: AccuracyLevel) -> "Converged":
         """A scene's run on a level."""
         return cls(scene.text, level.method.name, level.refine, level.rtol)
 
@@ -255,22 +256,6 @@ class Answer:
     seconds: float
 
 
-class _Watch:
-    """Keeps the last state, the largest balance residual and the number of steps."""
-
-    state: State
-    residual = 0.0
-    steps = -1
-
-    def record(self, dt: float, state: State) -> None:
-        """See a state; the initial one is no step."""
-        self.state, self.steps = state, self.steps + 1
-        self.residual = max(self.residual, abs(state.balance_residual))
-
-    def frame(self, state: State) -> None:
-        """Output times mean nothing here."""
-
-
 def answer_of(case: Case, folder: Path) -> Answer:
     """Run a case in equal steps, and leave its scene and mesh, which the case's command names."""
     scene, method = parse_scene(case.scene, case.scene_file), find_method(case.method)
@@ -279,14 +264,15 @@ def answer_of(case: Case, folder: Path) -> Answer:
         file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(files[0], case.scene.encode())
     write_mesh(files[1], mesh)
-    return _answer(scene, solver_for(resolve(scene), method, mesh), scene.time.end / case.steps, None)
+    numerics = Numerics(method, case.refine, scene.time.end / case.steps, mesh=mesh)
+    return _answer(scene, solver_for(resolve(scene), method, mesh), numerics)
 
 
 def converged(asked: Converged, folder: Path) -> Answer:
     """Run a scene with steps chosen by their error."""
     scene, method = parse_scene(asked.scene, "a scene"), find_method(asked.method)
     solver = solver_for(resolve(scene), method, mesh_of(scene, asked.refine))
-    return _answer(scene, solver, scene.time.end, Tolerance(asked.rtol, method.order_dt))
+    return _answer(scene, solver, Numerics(method, asked.refine, scene.time.end, asked.rtol))
 
 
 def cloud(l0: float) -> Array:
@@ -297,27 +283,29 @@ def cloud(l0: float) -> Array:
     return np.array([np.outer(radii, np.cos(theta)), np.outer(radii, np.sin(theta))]).reshape(2, -1)
 
 
-def _answer(scene: Scene, solver: Solver, dt: float, tolerance: Tolerance | None) -> Answer:
-    began, watch = time.perf_counter(), _Watch()
+def _answer(scene: Scene, solver: Solver, numerics: Numerics) -> Answer:
+    began, residual, steps = time.perf_counter(), 0.0, -1  # the initial state is no step
     WORK.clear()
     with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        outcome = integrate(solver, dt, scene.output_times, watch, tolerance)
+        march = March(solver, numerics, scene.output_times)
+        for moment in march:
+            steps, residual = steps + 1, max(residual, abs(moment.state.balance_residual))
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-        a, _ = solver.probes(np.hstack([points, cloud(scene.parameters.l0)]))(watch.state)
-        area = solver.measure(watch.state).area
+        a, _ = solver.probes(np.hstack([points, cloud(scene.parameters.l0)]))(march.state)
+        area = solver.measure(march.state).area
     mesh = solver.mesh
     return Answer(
-        ending=str(outcome.ending),
-        message=outcome.message,
+        ending=str(march.outcome.ending),
+        message=march.outcome.message,
         area=area,
         a=tuple(a.tolist()),
-        residual=watch.residual,
+        residual=residual,
         cells=mesh.triangles.shape[1],
         aspect=float(aspects(mesh.xi, mesh.triangles).max()),
         angle=largest_angle(mesh.xi, mesh.triangles),
         solves=WORK[SOLVES],
         factorisations=WORK[FACTORISATIONS],
         iterations=WORK[ITERATIONS],
-        steps=watch.steps,
+        steps=steps,
         seconds=time.perf_counter() - began,
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.accuracy import LEVELS, Level
+from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.distort.cases import Answer, Case, Converged, Family, answer_of, cases_of, converged
@@ -37,7 +37,7 @@ SHOWN = (
 def distort(
     scenes: Sequence[tuple[Scene, Sequence[Family]]],
     methods: Sequence[Method],
-    truth_levels: Sequence[Level] = TRUTH_LEVELS,
+    truth_levels: Sequence[AccuracyLevel] = TRUTH_LEVELS,
 ) -> Study:
     """Run all distortions of all scenes, and two converged runs of each.
 
@@ -96,7 +96,7 @@ def distort(
     )
 
 
-def _known(scene: Scene, coarse: Answer, fine: Answer, level: Level) -> float:
+def _known(scene: Scene, coarse: Answer, fine: Answer, level: AccuracyLevel) -> float:
     """How far the converged run may be off: area and concentrations, relative."""
     if fine.ending != "completed":
         raise UserError(f"{scene.origin}: its converged run ends ({fine.message}); valid: one that does not")

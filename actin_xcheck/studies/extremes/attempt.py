@@ -17,7 +17,7 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
-from actin_xcheck.runs.march import Tolerance, checked_step, integrate
+from actin_xcheck.runs.march import March, Moment, checked_step
 from actin_xcheck.runs.method import METHODS, SHAPES, SOUNDNESS, Method, load
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, solver_for
@@ -135,17 +135,13 @@ class Approach:
     rows: list[tuple[float, float]] = field(default_factory=list)
     place: Array = field(default_factory=lambda: np.zeros(2))
     residual: float = 0.0
-    last: State | None = None
 
-    def record(self, dt: float, state: State) -> None:
+    def record(self, moment: Moment) -> None:
         """See every state."""
+        state = moment.state
         least, self.place = least_dilation(self.solver.grid, self.solver.frame(state).x)
         self.rows.append((state.t, least))
         self.residual = max(self.residual, abs(state.balance_residual))
-        self.last = state
-
-    def frame(self, state: State) -> None:
-        """Output times mean nothing here."""
 
     @property
     def breakdown(self) -> float:
@@ -226,9 +222,10 @@ class _Watch(Approach):
     worn: float = np.nan
     apart: list[tuple[float, float]] = field(default_factory=list)
 
-    def record(self, dt: float, state: State) -> None:
+    def record(self, moment: Moment) -> None:
         """See every state."""
-        super().record(dt, state)
+        super().record(moment)
+        state = moment.state
         space = getattr(getattr(self.solver, "inner", self.solver), "space", None)
         if space is not None:
             self.shape = float(np.fmin(self.shape, load(SHAPES)(space, state.x).min()))
@@ -239,7 +236,7 @@ class _Watch(Approach):
         if self.beside is None:
             self.beside = self.twin.init()
         elif self.beside.t < state.t:
-            new, outcome = checked_step(self.twin, self.beside, dt)
+            new, outcome = checked_step(self.twin, self.beside, moment.dt)
             if not outcome.ok:
                 self.twin = None  # what one of them does alone says nothing
                 return
@@ -256,16 +253,16 @@ class _Watch(Approach):
 def attempt(trial: Trial, folder: Path) -> Attempt:
     """Run a trial; what overflows ends as its Outcome."""
     began, level, scene = time.process_time(), trial.level, trial.loaded
-    solver = _solver(trial, scene)
+    numerics = _numerics(trial, scene)
+    solver = bind(scene, numerics)
     watch = _Watch(solver)
     if trial.epsilon:
         watch.twin = _twin(trial, scene)
-    end = scene.time.end
-    tolerance = Tolerance(level.rtol, level.of.order_dt)
+    march = March(solver, numerics, [scene.time.end])
     with np.errstate(all="ignore"):
-        outcome = integrate(solver, end / STEPS, [end], watch, tolerance)
-    last = watch.last
-    assert last is not None
+        for moment in march:
+            watch.record(moment)
+    last, outcome = march.state, march.outcome
     measured, model = solver.measure(last), scene.physics
     slope = sigma_prime(model.parameters) + model.parameters.p / np.pi
     broke = outcome.ending is Ending.SINGULAR_DILATION
@@ -301,12 +298,12 @@ def attempt(trial: Trial, folder: Path) -> Attempt:
     )
 
 
-def _solver(trial: Trial, scene: Scene) -> Solver:
+def _numerics(trial: Trial, scene: Scene) -> Numerics:
     """On the whole disk where the mesh may be replaced or lose its symmetry, else on the smallest part."""
-    method, whole = trial.level.of, trial.remesh or trial.epsilon or trial.level.of.family != "fem"
-    reduction = FULL if whole else reduced(scene, method, Fidelity.SECTOR)
-    numerics = Numerics(method, trial.level.refine, scene.time.end, reduction=reduction, remesh=trial.remesh)
-    return bind(scene, numerics)
+    level, end = trial.level, scene.time.end
+    whole = trial.remesh or trial.epsilon or level.of.family != "fem"
+    reduction = FULL if whole else reduced(scene, level.of, Fidelity.SECTOR)
+    return Numerics(level.of, level.refine, end / STEPS, level.rtol, reduction, remesh=trial.remesh)
 
 
 def _twin(trial: Trial, scene: Scene) -> Solver:

@@ -152,7 +152,7 @@ FAULTS = (
         "fem-diffusion-stale",
         "Actin diffuses on the configuration that was met first: the stiffness matrix is never renewed.",
         "fem",
-        "fem.kernels:Sample.stiffness",
+        "fem.kernels:CellSample.stiffness",
         _first_stiffness,
     ),
     Fault(

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.contract import Probes, State
+from actin_xcheck.core.contract import Probes
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.accuracy import LEVELS, Level, estimated
+from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel, estimated
 from actin_xcheck.runs.executor import Lost
-from actin_xcheck.runs.march import Tolerance, integrate
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
@@ -153,7 +153,7 @@ def truth_of(asked: Converged, folder: Path) -> Truth:
     return truth
 
 
-def _uncertainty(answers: Sequence[Answer], levels: Sequence[Level]) -> float:
+def _uncertainty(answers: Sequence[Answer], levels: Sequence[AccuracyLevel]) -> float:
     """Of the last level, by the changes to it and to those before."""
     changes = [_change(one, other) for one, other in pairwise(answers)]
     return estimated(changes, [level.share for level in levels[1 : len(answers)]])
@@ -169,36 +169,26 @@ _PROBES: dict[Hashable, Probes] = {}
 """What reads the cloud off states, by method, mesh and points: finding them takes longer than many a run."""
 
 
-class _Last:
-    """Keeps the last state that stood."""
-
-    state: State
-
-    def record(self, dt: float, state: State) -> None:
-        self.state = state
-
-    def frame(self, state: State) -> None:
-        """Output times mean nothing here."""
-
-
 def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | None) -> Answer:
     """Run a scene with equal steps of dt, or with steps chosen by their error."""
     began = time.perf_counter()
-    scene, chosen, last = parse_scene(text, "a point of the plane"), find_method(method), _Last()
-    step = dt or scene.time.end
-    solver = bind(scene, Numerics(chosen, refine, step))
-    tolerance = None if rtol is None else Tolerance(rtol, chosen.order_dt)
+    scene = parse_scene(text, "a point of the plane")
+    numerics = Numerics(find_method(method), refine, dt or scene.time.end, rtol)
+    solver = bind(scene, numerics)
     with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        outcome: Outcome = integrate(solver, step, scene.output_times, last, tolerance)
-        measured = solver.measure(last.state)
+        march = March(solver, numerics, scene.output_times)
+        for _ in march:
+            pass
+        last, outcome = march.state, march.outcome
+        measured = solver.measure(last)
         where = (method, refine, scene.parameters.l0, scene.domain.rotation, scene.probes.points)
         if where not in _PROBES:
             _PROBES[where] = solver.probes(turn_matrix(scene) @ np.array(scene.probes.points).T)
-        a, x = _PROBES[where](last.state)
+        a, x = _PROBES[where](last)
     return Answer(
         str(outcome.ending),
         outcome.message,
-        float(last.state.t),
+        float(last.t),
         measured.area,
         measured.total_actin,
         tuple(a.tolist()),

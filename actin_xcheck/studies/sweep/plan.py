@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.scene.shelf import scene_text, shipped_scenes, varied
-from actin_xcheck.scene.tables import Many, Table, mistake
+from actin_xcheck.scene.tables import Many, TomlTable, mistake
 
 MOST_RUNS = 100_000
 
@@ -44,7 +44,7 @@ class Point:
     values: Values
 
 
-class _Range(Table):
+class _Range(TomlTable):
     """`{ from = 1.0, to = 100.0, count = 5, scale = "log" }`, both ends among the values."""
 
     start: float = Field(alias="from")
@@ -65,7 +65,7 @@ class _Range(Table):
         return numbers
 
 
-class _Sweep(Table):
+class _Sweep(TomlTable):
     """A sweep's file."""
 
     scene: str | None = None
@@ -144,7 +144,7 @@ def _varied(path: Path, name: str, combined: Sequence[Values]) -> Iterator[Point
         yield Point(given, tomli_w.dumps(varied(base, values, origin)), origin, values)
 
 
-def _sentence(error: ErrorDetails, table: type[Table]) -> str:
+def _sentence(error: ErrorDetails, table: type[TomlTable]) -> str:
     """Where a mistake is, what was given and what is valid."""
     context = error.get("ctx", {})
     key = ".".join(map(str, (*error["loc"], *([context["key"]] if "key" in context else []))))
