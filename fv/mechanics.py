@@ -24,7 +24,6 @@ from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Move
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fv import krylov
 from fv.boundary import Ties, settle
 from fv.mesh import Faces
@@ -113,7 +112,7 @@ class FvForceBalance:
         """The velocities at x (2, N), where the vertices stay."""
         diamonds, moduli = Diamonds.at(self.faces, x), self.moduli(dt)
         loads = self.loads(diamonds, x, corners, moduli)
-        outcome = self._dilation_outcome(t, loads.dilation)
+        outcome = self.model.dilated(t, loads.dilation, self._place)
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
         system = System(self.ties, self.assembly, diamonds, x, moduli)
@@ -203,17 +202,9 @@ class FvForceBalance:
         height = np.where(beyond, (normal[:, star.vertex] * offset).sum(axis=0), 0.0)
         return -np.bincount(star.vertex, weights * height, count) * slope
 
-    def _dilation_outcome(self, t: float, dilation: Array) -> Outcome:
-        """1 + phi <= 0 is where the pressure (2.5) ends."""
-        worst = int(np.argmin(dilation))
-        if self.model.parameters.p == 0 or 1 + dilation[worst] > 0:
-            return COMPLETED
-        where = self.mesh.centroids[:, worst]
-        message = (
-            f"1 + phi = {1 + dilation[worst]:.3g} at t = {t:.6g} in the triangle that started at "
-            f"({where[0]:.3f}, {where[1]:.3f}): the pressure (2.5) is singular there"
-        )
-        return Outcome(Ending.SINGULAR_DILATION, message)
+    def _place(self, cell: int) -> str:
+        where = self.mesh.centroids[:, cell]
+        return f"in the triangle that started at ({where[0]:.3f}, {where[1]:.3f})"
 
 
 def _gradients(x: Array, mesh: Mesh, u: Array) -> Array:

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from fem.fields import locate
 from scipy.spatial import cKDTree
 
 from actin_xcheck.core.anchor import Anchor
@@ -18,6 +17,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
+from fem.fields import locate
 from fem.force_balance import ForceBalance
 from fv import system
 from fv.boundary import rigid_motions
