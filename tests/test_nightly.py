@@ -211,7 +211,7 @@ def test_a_killed_night_is_gone_on_with(tmp_path):
     assert not kept.closed
     assert not (tmp_path / "history.sqlite").exists()
     process = start(tmp_path, log, "--resume")
-    said, warned = process.communicate(timeout=60)
+    said, warned = process.communicate(timeout=300)
     assert process.returncode == 0, warned
     assert b"5 of 5 claims hold in 5 checks" in said
     tried = log.read_text().splitlines()
@@ -223,7 +223,7 @@ def test_a_killed_night_is_gone_on_with(tmp_path):
 def test_two_nights_at_once_are_two_nights(tmp_path):
     both = [start(tmp_path, tmp_path / f"log-{i}") for i in range(2)]
     for process in both:
-        said = process.communicate(timeout=60)
+        said = process.communicate(timeout=300)
         assert process.returncode == 0, said
     date = f"{datetime.now(UTC):%Y-%m-%d}"
     folders = {path.parent.name for path in tmp_path.glob(f"*/{FILE_NAME}")}
