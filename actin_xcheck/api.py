@@ -16,7 +16,7 @@ from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import find_methods
-from actin_xcheck.runs.numerics import Asked
+from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene, load_scene, load_scenes
 from actin_xcheck.studies import compare as comparison
@@ -70,7 +70,7 @@ def run(
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
-    numerics = Asked(method, refine, dt, rtol, _fidelity(fidelity)).on(scene)
+    numerics = Wanted(method, refine, dt, rtol, _fidelity(fidelity)).on(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.vtkhdf" if out is None else Path(out)
         make_folder(path.parent)
@@ -143,7 +143,7 @@ def sweep(
     """
     processes = jobs_asked(jobs, scheduler)
     names = [methods] if isinstance(methods, str) else list(methods)
-    asked = Asked(names[0], refine, dt, rtol, _fidelity(fidelity))
+    asked = Wanted(names[0], refine, dt, rtol, _fidelity(fidelity))
     planned = plan(Path(file), names, asked, make_folder(Path(out)), "actin_xcheck.sweep")
     table, _ = carry_out_sweep(planned, processes, scheduler, lambda label, done, total: None)
     return table

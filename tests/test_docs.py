@@ -22,7 +22,7 @@ from actin_xcheck.core.model import Closure, Delta, Rheology
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
-from actin_xcheck.scene.tables import Expect, Reference
+from actin_xcheck.scene.tables import Expect, ReferenceValues
 from actin_xcheck.theory.errata import errata
 from actin_xcheck.verdicts.orders import Verdict
 from tests.test_cli import SERIES
@@ -84,7 +84,7 @@ def test_a_page_has_only_blocks_that_are_tested(path):
     [
         ("model", [*Closure, *Delta, *Rheology]),
         ("methods", [name for name in METHODS if name.startswith("fv")]),
-        ("scene", [*tables_of(Scene), *tables_of(Expect), *tables_of(Reference)]),
+        ("scene", [*tables_of(Scene), *tables_of(Expect), *tables_of(ReferenceValues)]),
         ("files", [*STORED, "compare.h5", *SERIES]),
         ("reports", [*Ending, *Verdict, "NOT JUDGED"]),
     ],

@@ -19,7 +19,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import executor as executors
 from actin_xcheck.runs.executor import ATTEMPTS, Lost, executor
 from actin_xcheck.runs.fidelity import Fidelity
-from actin_xcheck.runs.numerics import Asked
+from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.sweep.plan import points_of
 from actin_xcheck.studies.sweep.table import read_table
@@ -120,7 +120,7 @@ def test_a_mistake_in_the_file_is_one_line_and_nothing_is_run(
 
 def test_a_key_is_that_of_scene_method_numerics_and_code_alone(tmp_path: Path) -> None:
     task = Task(
-        load_scene("static-decay").text, "here", Asked("fem-p1-paper"), tmp_path, "some code", "sweep"
+        load_scene("static-decay").text, "here", Wanted("fem-p1-paper"), tmp_path, "some code", "sweep"
     )
     same = replace(task, origin="there", command="another", folder=tmp_path / "elsewhere")
     others = [
@@ -129,11 +129,11 @@ def test_a_key_is_that_of_scene_method_numerics_and_code_alone(tmp_path: Path) -
         *(
             replace(task, numerics=numerics)
             for numerics in (
-                Asked("fv-coupled"),
-                Asked("fem-p1-paper", refine=4),
-                Asked("fem-p1-paper", dt=0.1),
-                Asked("fem-p1-paper", rtol=1e-3),
-                Asked("fem-p1-paper", fidelity=Fidelity.FULL),
+                Wanted("fv-coupled"),
+                Wanted("fem-p1-paper", refine=4),
+                Wanted("fem-p1-paper", dt=0.1),
+                Wanted("fem-p1-paper", rtol=1e-3),
+                Wanted("fem-p1-paper", fidelity=Fidelity.FULL),
             )
         ),
     ]

@@ -77,7 +77,7 @@ def run_command(
     last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
     """
     from actin_xcheck.core.files import make_folder
-    from actin_xcheck.runs.numerics import Asked
+    from actin_xcheck.runs.numerics import Wanted
     from actin_xcheck.scene.scene import load_scene
 
     check_step(dt)
@@ -92,7 +92,7 @@ def run_command(
     warn_of(loaded)
     if accuracy is not None:
         _deliver(loaded, accuracy, out_file, quiet, fidelity, json)
-    numerics = Asked(method, refine, dt, rtol, fidelity, mesh, remesh).on(loaded)
+    numerics = Wanted(method, refine, dt, rtol, fidelity, mesh, remesh).on(loaded)
     _run(loaded, numerics, out_file, resume, quiet, json)
 
 

@@ -52,11 +52,11 @@ def sweep_command(
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.core.outcome import Ending
     from actin_xcheck.runs.executor import jobs_asked
-    from actin_xcheck.runs.numerics import Asked
+    from actin_xcheck.runs.numerics import Wanted
     from actin_xcheck.studies.sweep.carry_out import carry_out, plan
 
     processes = jobs_asked(jobs, scheduler)
-    asked = Asked(method[0], refine, dt, rtol, fidelity)
+    asked = Wanted(method[0], refine, dt, rtol, fidelity)
     folder = report_folder(out_dir, "sweep")
     planned = plan(file, method, asked, folder, command())
     make_folder(folder)

@@ -67,7 +67,7 @@ class Numerics:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Wanted:
     """Numerics as a user asks for them, see `Numerics`; what is None suits the scene.
 
     Attributes

@@ -30,7 +30,7 @@ from actin_xcheck.runs.method import (
 )
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.recorder import Amplitude, Keeper, Progress, Recorder, earlier, taken_up
-from actin_xcheck.runs.store import RunWriter, provenance
+from actin_xcheck.runs.store import Run, RunWriter, provenance
 from actin_xcheck.scene.outline import refined
 from actin_xcheck.scene.resolve import mode_field, resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene
@@ -153,8 +153,7 @@ def run(
     with locked(path), np.errstate(all="ignore"):
         before = earlier(path, attributes) if resume else None
         if before is not None and before.path == path:
-            said = before.attributes["message"] or f"{path} was finished before"
-            return Outcome(Ending(before.attributes["outcome"]), said)
+            return _ended(before)
         began -= before.attributes["wall_seconds"] if before else 0.0
         goes_on, before = before is not None, None  # its film is large
         solver = bind(scene, numerics)
@@ -171,6 +170,12 @@ def run(
             if outcome.ending is not Ending.INTERRUPTED:
                 writer.finish(outcome, time.perf_counter() - began)
     return outcome
+
+
+def _ended(before: Run) -> Outcome:
+    """How a run that is there has ended."""
+    said = before.attributes["message"] or f"{before.path} was finished before"
+    return Outcome(Ending(before.attributes["outcome"]), said)
 
 
 def _check(solver: Solver, numerics: Numerics) -> None:

@@ -339,7 +339,7 @@ class GrowthRate(ModeTable):
     bound: Bound
 
 
-class Reference(TomlTable):
+class ReferenceValues(TomlTable):
     """`[[expect.reference.at]]`: values at one output time; nan is not judged.
 
     `probe_a` and `probe_x` hold one entry per probe.
@@ -366,7 +366,7 @@ class References(TomlTable):
 
     origin: str
     bound: ReferenceBounds
-    at: Many[Reference] = Field(min_length=1, max_length=MOST)
+    at: Many[ReferenceValues] = Field(min_length=1, max_length=MOST)
 
 
 class Agreement(TomlTable):

@@ -7,7 +7,7 @@ from pathlib import Path
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.executor import Lost, executor
 from actin_xcheck.runs.method import METHODS, find_method
-from actin_xcheck.runs.numerics import Asked
+from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.runs.version import code
 from actin_xcheck.runs.workers import Report
 from actin_xcheck.studies.sweep.plan import Point, points_of
@@ -24,7 +24,7 @@ class Plan:
     runs: tuple[tuple[Point, Task], ...]
 
 
-def plan(path: Path, methods: Sequence[str], asked: Asked, folder: Path, command: str) -> Plan:
+def plan(path: Path, methods: Sequence[str], asked: Wanted, folder: Path, command: str) -> Plan:
     """Return the runs that a sweep's file asks for, each with every method; UserError for a mistake in it."""
     known = [find_method(name) for name in dict.fromkeys(methods)]
     if asked.rtol is not None and not any(method.adaptive for method in known):

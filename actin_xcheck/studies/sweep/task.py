@@ -15,7 +15,7 @@ import numpy as np
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.method import find_method
-from actin_xcheck.runs.numerics import Asked, suited
+from actin_xcheck.runs.numerics import Wanted, suited
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import reading
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code
@@ -37,7 +37,7 @@ class Task:
 
     text: str
     origin: str
-    numerics: Asked
+    numerics: Wanted
     folder: Path
     code: str
     command: str
