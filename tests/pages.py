@@ -11,9 +11,8 @@ from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.audit.page import write_audit_page
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
-from actin_xcheck.studies.audit.study import ROWS, paper
+from actin_xcheck.studies.audit.study import ROWS, paper, write_audit_page
 from actin_xcheck.studies.chart.study import chart
 from actin_xcheck.studies.closures.study import closures
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON

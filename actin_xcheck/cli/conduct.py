@@ -117,12 +117,13 @@ def lasting(seconds: float) -> str:
 
 def page_of(file: Path) -> Path:
     """Write the page of a study from its file and return its path: most have the same."""
-    from actin_xcheck.studies.audit.page import write_audit_page
-    from actin_xcheck.studies.compare_page import write_comparison_page
-    from actin_xcheck.studies.page import write_page
-
-    own = {"paper.h5": write_audit_page, "compare.h5": write_comparison_page}
-    return own.get(file.name, write_page)(file)
+    if file.name == "paper.h5":  # each loads what its study is made of
+        from actin_xcheck.studies.audit.study import write_audit_page as write
+    elif file.name == "compare.h5":
+        from actin_xcheck.studies.compare_page import write_comparison_page as write
+    else:
+        from actin_xcheck.studies.page import write_page as write
+    return write(file)
 
 
 def _say(words: str, report: "Report", page: Path, json: bool) -> None:

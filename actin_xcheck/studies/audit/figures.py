@@ -229,14 +229,9 @@ def _contractility() -> Answer:
 def _pressure() -> Answer:
     model, a = Model(Parameters(0.0, 0.26)), np.linspace(0, 1e4, 100001)
     near, far = (model.pressure(a, 0 * a, delta) for delta in (1.0, 0.0))
-    return answer(
-        (np.diff(near) > 0).all() and abs(near[-1] / near[0] - 2) < 1e-3 and np.ptp(far) == 0,
-        exhibits=atlas("fig02"),
-        start=near[0],
-        limit=near[-1],
-        far=far.min(),
-        l0=model.parameters.l0,
-    )
+    stated = (np.diff(near) > 0).all() and abs(near[-1] / near[0] - 2) < 1e-3 and np.ptp(far) == 0
+    values = {"start": near[0], "limit": near[-1], "far": far.min(), "l0": model.parameters.l0}
+    return answer(stated, exhibits=atlas("fig02"), **values)
 
 
 @examines("fig03")

@@ -4,7 +4,6 @@ The matrices are built here from the article's own entries, in plain numpy, so t
 the finite elements they are held against.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cached_property
@@ -18,7 +17,6 @@ from actin_xcheck.core.mesh import INTERIOR_POINTS, Indices, Mesh, disk, signed_
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
-from actin_xcheck.studies.audit.row import Answer, answer
 
 ROUND_OFF = 1e-11
 """Relative difference below which two evaluations of one formula are the same."""
@@ -56,48 +54,6 @@ def circle(radius: float = 1.0, count: int = 128) -> tuple[Array, Array, float]:
 def relative(residual: Array, scale: Array) -> float:
     """Largest entry of a residual over the largest entry of what it is made of."""
     return float(np.abs(residual).max() / np.abs(scale).max())
-
-
-POINTS, WEIGHTS = disk_quadrature()
-"""Quadrature on the unit disk."""
-
-RIM, NORMALS, LENGTH = circle()
-"""Points on its rim, their normals and the length each stands for."""
-
-Field = Callable[[Array], Array]
-
-
-def derivative(g: Field, k: int, x: Array, step: float = 1e-4) -> Array:
-    """Return the derivative of a field in direction k at points x (2, n), of fourth order."""
-    e = np.zeros((2, 1))
-    e[k] = step
-    return (8 * (g(x + e) - g(x - e)) - g(x + 2 * e) + g(x - 2 * e)) / (12 * step)
-
-
-def component(field: Field, k: int) -> Field:
-    """Return one component of a vector field."""
-    return lambda x: field(x)[k]
-
-
-def divergence(field: Field, x: Array, step: float = 1e-4) -> Array:
-    """Return the divergence of a vector field at points x (2, n)."""
-    return derivative(component(field, 0), 0, x, step) + derivative(component(field, 1), 1, x, step)
-
-
-def gradient(g: Field, x: Array, step: float = 1e-4) -> Array:
-    """Return the gradient of a scalar field at points x (2, n), (2, n)."""
-    return np.array([derivative(g, k, x, step) for k in range(2)])
-
-
-def test_function(x: Array) -> Array:
-    """Return a smooth w without symmetry."""
-    return np.asarray(np.sin(1.3 * x[0] + 0.4) * np.exp(0.5 * x[1]))
-
-
-def identity(left: float, right: float, **values: Any) -> Answer:
-    """Return the answer to an identity between two numbers."""
-    difference = abs(left - right) / max(abs(left), 1e-3)
-    return answer(difference < 1e-7, left=left, right=right, **values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The audit: what the rows need is run, then every row is examined."""
+"""The audit: what the rows need is run, then every row is examined; its page, to be seen by judgement."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -7,6 +7,8 @@ from pathlib import Path
 
 from actin_xcheck.report.exhibits import Chapter, Exhibit
 from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.audit import figures, linear, model, scheme, stability, weak  # noqa: F401
 from actin_xcheck.studies.audit.checks import row_of
 from actin_xcheck.studies.audit.row import Judgement, Row, article
@@ -18,6 +20,9 @@ ROWS: dict[str, Row] = {key: row_of(key) for key in article()}
 
 SIMULATED, DERIVED = 5.0, 1.0
 """Seconds in which a row with and one without simulations is examined, about."""
+
+_PARTS = {"eq": "Equations", "table": "Tables", "fig": "Figures", "": "Sentences"}
+"""Beginnings of keys, and what a reader calls what they name; the last takes the rest."""
 
 SHOWN = ("key", "place", "judgement", "statement", "computed", "reason", "command")
 
@@ -100,3 +105,35 @@ def examine(key: str, folder: Path) -> Examined:
 
 def _told(entry: Entry) -> str:
     return f"{entry.key} ({entry.place}): {entry.judgement}\n  {entry.computed}\n  {entry.reason}"
+
+
+def write_audit_page(path: Path) -> Path:
+    """Write `index.html` beside the file of an audit and return its path.
+
+    UserError where the file is missing or not whole.
+    """
+    from actin_xcheck.report.draw import Drawing
+    from actin_xcheck.report.environment import environment, put_page
+    from actin_xcheck.report.exhibit_file import read_chapters
+    from actin_xcheck.studies.page import drawn
+
+    with reading(path, "audit") as file:
+        attributes = {
+            name: file.attrs[name] for name in file.attrs if name not in ("findings", "lead", "title")
+        }
+        entries = read_table(file["tables/rows"], Entry)
+        drawings = {chapter.key: shown for chapter, shown in drawn(read_chapters(file["exhibits"]))}
+    parts: dict[str, list[tuple[Entry, list[Drawing]]]] = {title: [] for title in _PARTS.values()}
+    for entry in entries:
+        part = next(title for start, title in _PARTS.items() if entry.key.startswith(start))
+        parts[part].append((entry, drawings.get(entry.key, [])))
+    found = Counter(entry.judgement for entry in entries)
+    html = environment(path.parent).get_template("audit.html")
+    text = html.render(
+        attributes=attributes,
+        parts={title: rows for title, rows in parts.items() if rows},
+        counts=[(judgement, found[judgement]) for judgement in Judgement if found[judgement]],
+        total=len(entries),
+        file=path,
+    )
+    return put_page(path.parent, text)

@@ -6,6 +6,7 @@ about transport; weak forms on one step of the implementation.
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -13,24 +14,58 @@ from actin_xcheck.core.model import Array, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.studies.audit.row import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import (
-    LENGTH,
-    NORMALS,
-    POINTS,
-    RIM,
     ROUND_OFF,
-    WEIGHTS,
-    component,
-    derivative,
+    circle,
     disk_quadrature,
-    divergence,
-    gradient,
-    identity,
     relative,
     second_step,
-    test_function,
 )
 
 _L0 = 0.8
+
+POINTS, WEIGHTS = disk_quadrature()
+"""Quadrature on the unit disk."""
+
+RIM, NORMALS, LENGTH = circle()
+"""Points on its rim, their normals and the length each stands for."""
+
+_Field = Callable[[Array], Array]
+
+
+def _rate(g: Callable[[float], Any], step: float = 1e-3) -> Any:
+    """Derivative at 0, of fourth order."""
+    return (8 * (g(step) - g(-step)) - g(2 * step) + g(-2 * step)) / (12 * step)
+
+
+def _derivative(g: _Field, k: int, x: Array, step: float = 1e-4) -> Array:
+    """Derivative of a field in direction k at points x (2, n)."""
+    unit = np.eye(2)[:, [k]]
+    return np.asarray(_rate(lambda s: g(x + s * unit), step))
+
+
+def _component(field: _Field, k: int) -> _Field:
+    return lambda x: field(x)[k]
+
+
+def _divergence(field: _Field, x: Array, step: float = 1e-4) -> Array:
+    """Divergence of a vector field at points x (2, n)."""
+    return np.asarray(sum(_derivative(_component(field, k), k, x, step) for k in range(2)))
+
+
+def _gradient(g: _Field, x: Array, step: float = 1e-4) -> Array:
+    """Gradient of a scalar field at points x (2, n), (2, n)."""
+    return np.array([_derivative(g, k, x, step) for k in range(2)])
+
+
+def _w(x: Array) -> Array:
+    """A smooth test function without symmetry."""
+    return np.asarray(np.sin(1.3 * x[0] + 0.4) * np.exp(0.5 * x[1]))
+
+
+def _identity(left: float, right: float, **values: Any) -> Answer:
+    """The answer to an identity between two numbers."""
+    difference = abs(left - right) / max(abs(left), 1e-3)
+    return answer(difference < 1e-7, left=left, right=right, **values)
 
 
 def _over_disk(values: Array) -> float:
@@ -56,12 +91,6 @@ def _a_t() -> Array:
     return np.asarray(0.4 * np.cos(POINTS[0]) * POINTS[1])
 
 
-def _ahead(g: Callable[[float], float | Array]) -> float | Array:
-    """Derivative at t = 0, of fourth order."""
-    h = 1e-3
-    return (8 * (g(h) - g(-h)) - g(2 * h) + g(-2 * h)) / (12 * h)
-
-
 def _transported(g: Callable[[Array, float], Array]) -> float:
     """d/dt at t = 0 of the integral of g over the disk as it moves with beta."""
 
@@ -72,17 +101,17 @@ def _transported(g: Callable[[Array, float], Array]) -> float:
         jacobian = columns[0][0] * columns[1][1] - columns[0][1] * columns[1][0]
         return _over_disk(g(moved(POINTS), t) * jacobian)
 
-    return float(_ahead(total))
+    return float(_rate(total))
 
 
 def _material() -> Array:
     """Da/Dt at t = 0 by following the particles."""
-    return np.asarray(_ahead(lambda t: _a(POINTS + t * _beta(POINTS), t)))
+    return np.asarray(_rate(lambda t: _a(POINTS + t * _beta(POINTS), t)))
 
 
 def _advected() -> Array:
     """grad a . beta at t = 0."""
-    return np.asarray((gradient(_a, POINTS) * _beta(POINTS)).sum(axis=0))
+    return np.asarray((_gradient(_a, POINTS) * _beta(POINTS)).sum(axis=0))
 
 
 def _diluted() -> Array:
@@ -96,32 +125,32 @@ def _flux(x: Array) -> Array:
 
 
 def _weighted(x: Array, t: float) -> Array:
-    return _a(x, t) * test_function(x)
+    return _a(x, t) * _w(x)
 
 
-def _test_function_moves() -> float:
+def __w_moves() -> float:
     """The integral of a Dw/Dt for the steady w."""
-    return _over_disk((gradient(test_function, POINTS) * _flux(POINTS)).sum(axis=0))
+    return _over_disk((_gradient(_w, POINTS) * _flux(POINTS)).sum(axis=0))
 
 
 @examines("eqB.1")
 def _reynolds() -> Answer:
-    return identity(_transported(_a), _over_disk(_material() + _diluted()))
+    return _identity(_transported(_a), _over_disk(_material() + _diluted()))
 
 
 @examines("eqB.8")
 def _restated() -> Answer:
     """(B.8) integrated over the moving disk with the residual of an arbitrary a as a source."""
-    diffusion = divergence(partial(gradient, _a, step=1e-2), POINTS, 1e-2)
-    change = _a_t() - 0.4 * diffusion + divergence(_flux, POINTS)
-    rim_flux = _over_rim(NORMALS * gradient(_a, RIM))
+    diffusion = _divergence(partial(_gradient, _a, step=1e-2), POINTS, 1e-2)
+    change = _a_t() - 0.4 * diffusion + _divergence(_flux, POINTS)
+    rim_flux = _over_rim(NORMALS * _gradient(_a, RIM))
     gain = 1 - _a(POINTS)
-    return identity(_over_disk(change - gain), _transported(_a) - 0.4 * rim_flux - _over_disk(gain))
+    return _identity(_over_disk(change - gain), _transported(_a) - 0.4 * rim_flux - _over_disk(gain))
 
 
 @examines("eqB.9")
 def _product_rule() -> Answer:
-    flux = divergence(_flux, POINTS)
+    flux = _divergence(_flux, POINTS)
     difference = relative(flux - _advected() - _diluted(), flux)
     return answer(difference < 1e-8, difference=difference, count=POINTS.shape[1])
 
@@ -134,7 +163,7 @@ def _material_derivative() -> Answer:
 
 @examines("eqB.11")
 def _material_form() -> Answer:
-    partial_form = _a_t() + divergence(_flux, POINTS)
+    partial_form = _a_t() + _divergence(_flux, POINTS)
     difference = relative(_material() + _diluted() - partial_form, partial_form)
     return answer(difference < 1e-8, difference=difference)
 
@@ -142,9 +171,9 @@ def _material_form() -> Answer:
 @examines("eqB.12", "eqB.13")
 def _weak_rate() -> Answer:
     """D/dt read as D/Dt and as the partial derivative."""
-    w = test_function(POINTS)
+    w = _w(POINTS)
     dilution = _over_disk(_a(POINTS) * w * (0.3 - 0.1 * POINTS[0]))
-    truth = _transported(_weighted) - _test_function_moves()
+    truth = _transported(_weighted) - __w_moves()
     material, as_partial = (_over_disk(w * rate) + dilution for rate in (_material(), _a_t()))
     return answer(
         abs(as_partial - truth) < 1e-6,
@@ -157,8 +186,8 @@ def _weak_rate() -> Answer:
 
 @examines("eqB.14")
 def _conservative_form() -> Answer:
-    right = _over_disk(test_function(POINTS) * (_material() + _diluted())) + _test_function_moves()
-    return identity(_transported(_weighted), right)
+    right = _over_disk(_w(POINTS) * (_material() + _diluted())) + __w_moves()
+    return _identity(_transported(_weighted), right)
 
 
 @examines("eqB.15c", "eqB.16c")
@@ -200,7 +229,7 @@ def _u(x: Array) -> Array:
 
 def _gradients(x: Array) -> Array:
     """du_i/dx_k at points x, (2, 2, n)."""
-    return np.array([gradient(component(_u, i), x) for i in range(2)])
+    return np.array([_gradient(_component(_u, i), x) for i in range(2)])
 
 
 def _stress(row: int, x: Array) -> Array:
@@ -222,8 +251,8 @@ def _tensor(row: int, x: Array) -> Array:
 def _decoupled(axis: str) -> Answer:
     """Divergence of the stress of (B.2) against that of (2.4)."""
     x, row = np.array([[0.3, -0.5, 0.1], [0.2, 0.4, -0.6]]), "xy".index(axis)
-    truth = divergence(partial(_tensor, row), x, 1e-2)
-    difference = relative(divergence(partial(_stress, row), x, 1e-2) - truth, truth)
+    truth = _divergence(partial(_tensor, row), x, 1e-2)
+    difference = relative(_divergence(partial(_stress, row), x, 1e-2) - truth, truth)
     return answer(difference < 1e-9, difference=difference)
 
 
@@ -231,10 +260,10 @@ def _decoupled(axis: str) -> Answer:
 def _first_weak_form(axis: str) -> Answer:
     """Green's identity: the two sides of (B.3) differ by the traction that (2.1f) sets to zero."""
     stress = partial(_stress, "xy".index(axis))
-    left = _over_disk((gradient(test_function, POINTS) * stress(POINTS)).sum(axis=0))
-    traction = _over_rim(test_function(RIM) * (NORMALS * stress(RIM)).sum(axis=0))
-    right = -_over_disk(test_function(POINTS) * divergence(stress, POINTS, 1e-2))
-    return identity(left - traction, right, traction=traction)
+    left = _over_disk((_gradient(_w, POINTS) * stress(POINTS)).sum(axis=0))
+    traction = _over_rim(_w(RIM) * (NORMALS * stress(RIM)).sum(axis=0))
+    right = -_over_disk(_w(POINTS) * _divergence(stress, POINTS, 1e-2))
+    return _identity(left - traction, right, traction=traction)
 
 
 def _f(delta: float, x: Array) -> Array:
@@ -261,9 +290,9 @@ def _green() -> Answer:
 
     left, right = [], []
     for k in range(2):
-        left.append(_over_disk(test_function(POINTS) * derivative(g, k, POINTS)))
-        inside = _over_disk(g(POINTS) * derivative(test_function, k, POINTS))
-        right.append(_over_rim(NORMALS[k] * test_function(RIM) * g(RIM)) - inside)
+        left.append(_over_disk(_w(POINTS) * _derivative(g, k, POINTS)))
+        inside = _over_disk(g(POINTS) * _derivative(_w, k, POINTS))
+        right.append(_over_rim(NORMALS[k] * _w(RIM) * g(RIM)) - inside)
     worst = max(abs(one - other) for one, other in zip(left, right, strict=True))
     return answer(worst < 1e-8, worst=worst, left=left)
 
@@ -273,11 +302,11 @@ def _split() -> Answer:
     """The x component of (B.6) in the sense that (B.7) uses, with and without the jump's own contribution."""
     f0, f1 = (partial(_f, delta) for delta in (0.0, 1.0))
     parts = (f0, *disk_quadrature(0.0, _L0)), (f1, *disk_quadrature(_L0, 1.0))
-    whole = -sum(float(weights @ (f(x) * derivative(test_function, 0, x))) for f, x, weights in parts)
-    whole += LENGTH * float((NORMALS[0] * f1(RIM) * test_function(RIM)).sum())
-    regions = sum(float(weights @ (test_function(x) * derivative(f, 0, x))) for f, x, weights in parts)
+    whole = -sum(float(weights @ (f(x) * _derivative(_w, 0, x))) for f, x, weights in parts)
+    whole += LENGTH * float((NORMALS[0] * f1(RIM) * _w(RIM)).sum())
+    regions = sum(float(weights @ (_w(x) * _derivative(f, 0, x))) for f, x, weights in parts)
     ring = _L0 * NORMALS
-    traction = _L0 * LENGTH * float((NORMALS[0] * (f1(ring) - f0(ring)) * test_function(ring)).sum())
+    traction = _L0 * LENGTH * float((NORMALS[0] * (f1(ring) - f0(ring)) * _w(ring)).sum())
     return answer(
         abs(whole - regions) < 1e-7,
         corrected=abs(whole - regions - traction) < 1e-7,
