@@ -20,7 +20,7 @@ from actin_xcheck.studies.theory.regions import (
     delta_sheet,
     maps,
 )
-from actin_xcheck.studies.theory.sheets import errata_sheet
+from actin_xcheck.studies.theory.study import errata_sheet
 from actin_xcheck.theory.borders import cell_branches, prove
 from actin_xcheck.theory.dispersion import Version, growth_rates, sigma_prime
 from actin_xcheck.theory.exact import DiskModes
@@ -67,15 +67,10 @@ def test_as_printed_the_maps_facts_are_those_of_the_text(planes):
     assert name(printed, 95.327, 0.26) == "T: w2,1"  # the first two
     along_psi = passed([name(printed, psi, 0.8) for psi in np.arange(10, 60, 0.3)])
     assert along_psi == [STABLE, DAMPED, "OS: w1,1", "T: w1,1"]
+    # it names psi from 30 and a stable region, which ends at 20.1
+    assert [name(printed, psi, 0.8) for psi in (20.0, 20.5, 30.0)] == [STABLE, DAMPED, DAMPED]
     along_p = passed([name(printed, 38.24, p) for p in np.arange(0.01, 1.74, 0.01)])
     assert along_p == ["OS: w1,1", "T: w1,1"]
-
-
-def test_at_p_080_the_text_starts_its_walk_inside_the_damped_region(planes):
-    """It names psi from 30 and a stable region; as printed that ends at 20.1."""
-    assert name(planes["printed"], 30.0, 0.8) == DAMPED
-    assert name(planes["printed"], 20.0, 0.8) == STABLE
-    assert name(planes["printed"], 20.5, 0.8) == DAMPED
 
 
 @pytest.mark.parametrize("version", Version)
@@ -94,7 +89,10 @@ def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(planes, version):
         assert name(one, psi, p) == expected, (psi, p)
 
 
-def compare_with_the_argument_principle(one, closure, seed, count):
+@pytest.mark.parametrize(("seed", "count"), [(7, 15), pytest.param(8, 400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("closure", CELLS)
+def test_maps_of_the_cell_hold_at_random_pixels(planes, closure, seed, count):
+    one = planes[closure]
     for psi, p in pixels(seed, count, SOFT):
         row = np.argmin(np.abs(one.y - p))
         model = plane(closure).varied(psi=psi, p=p)
@@ -111,17 +109,6 @@ def compare_with_the_argument_principle(one, closure, seed, count):
             damped = growth_rates(model, wavenumber(0, 2) ** 2)[0]
             assert damped.real < 0
             assert here == (DAMPED if damped.imag else STABLE)
-
-
-@pytest.mark.parametrize("closure", CELLS)
-def test_maps_of_the_cell_hold_at_random_pixels(planes, closure):
-    compare_with_the_argument_principle(planes[closure], closure, seed=7, count=15)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("closure", CELLS)
-def test_maps_of_the_cell_hold_at_many_pixels(planes, closure):
-    compare_with_the_argument_principle(planes[closure], closure, seed=8, count=400)
 
 
 @pytest.mark.parametrize(("closure", "m"), [(Closure.REFERENCE_NORMAL, 2), (Closure.TRACTION_FREE, 1)])

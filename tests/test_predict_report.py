@@ -18,7 +18,7 @@ from actin_xcheck.cli import predict
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.report.draw import draw
-from actin_xcheck.report.exhibit_file import read_chapters, read_exhibits, write_exhibits
+from actin_xcheck.report.exhibit_file import read_chapters, write_exhibits
 from actin_xcheck.report.exhibits import (
     Chapter,
     Exhibit,
@@ -90,15 +90,6 @@ def same(one, other) -> bool:
     return one == other
 
 
-@pytest.mark.parametrize("exhibit", exhibits(), ids=lambda one: one.key)
-def test_every_exhibit_comes_back_as_it_was(tmp_path, exhibit):
-    with h5py.File(tmp_path / "x.h5", "w") as file:
-        write_record(file.create_group("one"), exhibit)
-    with h5py.File(tmp_path / "x.h5") as file:
-        assert file["one"].attrs["class"] == type(exhibit).__name__
-        assert same(read_record(file["one"], Exhibit), exhibit)
-
-
 @dataclass(frozen=True)
 class Counted:
     rows: tuple[tuple[int, ...], ...]
@@ -108,21 +99,35 @@ class Counted:
     named: tuple[tuple[str, int, float], ...]
 
 
+COUNTED = Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 0.5),), (("a", 1, 2.0),))
+
+
 @pytest.mark.parametrize(
-    "record",
+    ("record", "kind"),
     [
-        Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 0.5),), (("a", 1, 2.0),)),
-        Counted((), (), (), (), ()),
+        *((one, Exhibit) for one in exhibits()),
+        (Drawn(exhibits()), Drawn),
+        (
+            Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 0.5),), (("a", 1, 2.0),)),
+            Counted,
+        ),
+        (Counted((), (), (), (), ()), Counted),
     ],
 )
-def test_numbers_in_rows_keep_their_kind(tmp_path, record):
+def test_every_record_comes_back_as_it_was(tmp_path, record, kind):
     with h5py.File(tmp_path / "x.h5", "w") as file:
         write_record(file.create_group("one"), record)
-        assert same(read_record(file["one"], Counted), record)
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert kind is not Exhibit or file["one"].attrs["class"] == type(record).__name__
+        assert same(read_record(file["one"], kind), record)
 
 
-def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
+def test_an_exhibit_that_would_not_come_back_is_refused_and_nothing_half_written_left(tmp_path):
     plot, bare, *_, table, _ = exhibits()
+    twice = Chapter("same", "t", "", (plot, plot))
+    with pytest.raises(ValueError, match="two exhibits"):
+        write_report(tmp_path / "predict.h5", "predict", Report("", "", chapters=(twice,)), "")
+    assert not list(tmp_path.iterdir())
     with h5py.File(tmp_path / "x.h5", "w") as file:
         with pytest.raises(ValueError, match=r"two exhibits have the key 'curve'"):
             write_exhibits(file.create_group("twice"), (plot, bare, plot))
@@ -135,13 +140,6 @@ def test_an_exhibit_that_would_not_come_back_is_refused(tmp_path):
             match=r"Plot, Intervals, Picture, Shots, Outlines, Regions, Classes, Sheet, not 'Chapter'",
         ):
             read_record(file["strange"], Exhibit)
-
-
-def test_exhibits_keep_their_order(tmp_path):
-    backwards = exhibits()[::-1]
-    with h5py.File(tmp_path / "x.h5", "w") as file:
-        write_exhibits(file.create_group("all", track_order=True), backwards)
-        assert [one.key for one in read_exhibits(file["all"])] == [one.key for one in backwards]
 
 
 def chapters():
@@ -196,11 +194,7 @@ def test_the_page_is_whole_in_itself(page):
     assert len(ids) == len(set(ids))
     links = [link for link in tags.attributes("a", "href") if not link.startswith("#")]
     assert links == ["predict.h5"]
-
-
-def test_the_same_file_gives_the_same_page(page):
-    once = page.read_bytes()
-    assert write_page(page.parent / "predict.h5").read_bytes() == once
+    assert write_page(page.parent / "predict.h5").read_text(encoding="utf-8") == source
 
 
 def test_maps_are_drawn_where_their_pixels_are():
@@ -222,20 +216,6 @@ def test_a_folder_without_a_report_is_the_users_mistake(tmp_path, page):
     (tmp_path / "predict.h5").write_bytes(half)
     with pytest.raises(UserError, match="not a whole report of a study"):
         write_page(tmp_path / "predict.h5")
-
-
-def test_nothing_half_written_is_left(tmp_path):
-    twice = Chapter("same", "t", "", (exhibits()[0],) * 2)
-    with pytest.raises(ValueError, match="two exhibits"):
-        write_report(tmp_path / "predict.h5", "predict", Report("", "", chapters=(twice,)), "")
-    assert not list(tmp_path.iterdir())
-
-
-def test_exhibits_computed_together_come_back_from_a_journal(tmp_path):
-    with h5py.File(tmp_path / "x.h5", "w") as file:
-        write_record(file, Drawn(exhibits()))
-    with h5py.File(tmp_path / "x.h5") as file:
-        assert same(read_record(file, Drawn), Drawn(exhibits()))
 
 
 def test_threshold_names_the_lowest():
@@ -284,12 +264,8 @@ def test_the_whole_report(tmp_path):
     assert done.stdout == "Linear theory; report: r/index.html\n"
     with reading(tmp_path / "r/predict.h5", "report") as file:
         stored = {one.key: one for chapter in read_chapters(file["exhibits"]) for one in chapter.exhibits}
-    assert {
-        "fig23a-printed",
-        "fig23a-corrected",
-        "fig23a-reference-normal",
-        "fig23a-traction-free",
-    } <= stored.keys()
+    versions = ("printed", "corrected", "reference-normal", "traction-free")
+    assert {f"fig23a-{version}" for version in versions} <= stored.keys()
     for closure in ("reference-normal", "traction-free"):
         table = stored[f"thresholds-{closure}"].rows
         psi = [float(row[1]) for row in table[1:]]

@@ -10,7 +10,7 @@ from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs import spectra
 from actin_xcheck.runs.spectra import discrete_rates, discrete_threshold
 from actin_xcheck.theory.dispersion import Version, active_slope
-from actin_xcheck.theory.threshold import threshold
+from actin_xcheck.theory.exact import threshold
 
 STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
 PRESSED = Model(Parameters(240.0, 0.26), delta=Delta.FULL)

@@ -98,7 +98,7 @@ def threshold_command(
     from rich.table import Table
 
     from actin_xcheck.cli.options import print_table
-    from actin_xcheck.theory.threshold import lowest, threshold
+    from actin_xcheck.theory.exact import lowest, threshold
 
     model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
     found = [threshold(model, number) for number in _numbers(m)]

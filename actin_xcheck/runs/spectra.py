@@ -12,7 +12,7 @@ from actin_xcheck.core.model import Closure, Model
 from actin_xcheck.runs.method import SPECTRUM, load
 from actin_xcheck.theory.dispersion import active_slope, stiffness
 from actin_xcheck.theory.eigenfields import growth_rate
-from actin_xcheck.theory.threshold import threshold
+from actin_xcheck.theory.exact import threshold
 
 _HARMONICS = 10
 

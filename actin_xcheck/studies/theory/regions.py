@@ -22,7 +22,9 @@ _FIRST_BAND = 3
 _LETTER, _LINE = 5.6, 13
 """Width of a letter and height of a line in pixels, as reports draw maps."""
 
-_CELLS = (Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE)
+CELLS = (Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE)
+"""Closures of the moving cell; `current-normal` is the same as `reference-normal` to first order."""
+
 _TABLED = (0.26, 0.8)
 """Pressures at which both delta are compared: Table 4's, and that of the article's walk through Fig. 23a."""
 
@@ -81,7 +83,7 @@ def versions() -> dict[str, tuple[str, str, Model, Version]]:
         ),
         **{
             f"fig23a-{cell}": (f"The moving cell, {cell}", f"δ = 1; {exact}", _plane(cell), Version.CORRECTED)
-            for cell in _CELLS
+            for cell in CELLS
         },
     }
 
@@ -163,7 +165,7 @@ def delta_sheet() -> Sheet:
     p = np.array([0.0, *_TABLED])
     for version, closure in (
         *((version, Closure.IRROTATIONAL_WALL) for version in (Version.AS_PRINTED, Version.CORRECTED)),
-        *((Version.CORRECTED, closure) for closure in _CELLS),
+        *((Version.CORRECTED, closure) for closure in CELLS),
     ):
         full, none = (branches_of(_plane(closure, delta), p, version) for delta in (Delta.FULL, Delta.NONE))
         name = f"(3.6) {version}" if closure is Closure.IRROTATIONAL_WALL else str(closure)
