@@ -107,10 +107,7 @@ COUNTED = Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 
     [
         *((one, Exhibit) for one in exhibits()),
         (Drawn(exhibits()), Drawn),
-        (
-            Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 0.5),), (("a", 1, 2.0),)),
-            Counted,
-        ),
+        (COUNTED, Counted),
         (Counted((), (), (), (), ()), Counted),
     ],
 )
