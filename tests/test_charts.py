@@ -13,7 +13,7 @@ from actin_xcheck.report.draw import draw
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Intervals, Line, Plot
 from actin_xcheck.report.figure import INK, RED, figure
-from actin_xcheck.runs.store import read_comparison
+from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from tests.browser import complaints
 from tests.legible import unreadable
 
@@ -87,9 +87,7 @@ def test_the_wheel_zooms_where_it_is_asked_to_and_else_leaves_the_page_alone(are
 
 def test_what_is_read_from_a_curve_is_what_is_stored(area: Page, page_of: Callable[[str], Path]) -> None:
     series = (
-        read_comparison(page_of("curves").parent / "comparison.h5")
-        .runs["fig14-four-fronts/fem-p1-paper"]
-        .series
+        read_comparison(page_of("curves").parent / FILE_NAME).runs["fig14-four-fronts/fem-p1-paper"].series
     )
     area.mouse.move(*place(area, 0.5, 0.5))
     area.wait_for_function("chart.querySelectorAll('.hoverlayer .legendtext').length === 2")
@@ -186,7 +184,8 @@ def test_everything_a_line_can_say_is_drawn() -> None:
         Line("front", X, X, steps=True, guide=True),
     )
     drawn = figure(Plot("k", "t", "", "<x>", lines, levels=(("bound", 0.5),), ylabel="$y$"))
-    low, high, band, bars, rail, front = drawn["data"]
+    low, high, band, bars, rail, front, bound = drawn["data"]
+    assert (bound["y"], bound["opacity"]) == ([0.5], 0)
     assert np.allclose(high["y"], X + 0.1)
     assert (low["hoverinfo"], high["fill"], band["line"]["dash"]) == ("skip", "tonexty", "dash")
     assert bars["error_x"]["array"] == bars["error_y"]["array"] == [0.1] * 11

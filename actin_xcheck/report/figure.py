@@ -47,6 +47,9 @@ _MOST = 1000
 _WIDTH, _LETTER, _ROW = 220.0, 5.2, 11
 """Least width of a plot, that of a letter above it, and the height of a row of them, in pixels."""
 
+_LABEL = 20
+"""Letters of a name in a band."""
+
 _SMALL = {"size": 9}
 _ON_LIGHT, _ON_DARK = "#101418", "#ffffff"
 
@@ -100,7 +103,8 @@ def _plot(plot: Plot) -> Figure:
         "shapes": [],
         "annotations": [],
     }
-    if ends := _calm([line.y for line in plot.lines if not line.rail], logy):
+    shown = [*(line.y for line in plot.lines if not line.rail), np.array([y for _, y in plot.levels])]
+    if ends := _calm(shown, logy):
         layout["yaxis"]["range"] = ends
     if any(line.rail for line in plot.lines):
         layout["yaxis"]["domain"] = [0, 0.9]
@@ -112,6 +116,7 @@ def _plot(plot: Plot) -> Figure:
     for name, y in plot.levels:
         label = {"text": text(name), "textposition": "end", "font": _SMALL | {"color": INK}}
         layout["shapes"].append(_level(y, "y", {"width": 1, "dash": "dash"}) | {"label": label})
+        data.append(_seen(plot, y))
     rows = _mark(plot, layout)
     return {"data": data, "layout": layout | {"margin": {"t": 8 + _ROW * rows}}}
 
@@ -127,6 +132,12 @@ def _level(y: float, ref: str, line: Figure) -> Figure:
         "y1": y,
         "line": {"color": INK, **line},
     }
+
+
+def _seen(plot: Plot, y: float) -> Figure:
+    """A point that nobody sees and axes make room for."""
+    x = next((one for line in plot.lines for one in _numbers(line.x) if one is not None), 1.0)
+    return {"type": "scatter", "x": [x], "y": [y], "opacity": 0, "showlegend": False, "hoverinfo": "skip"}
 
 
 def _text(said: str, x: float, y: float, **more: Any) -> Figure:
@@ -241,10 +252,8 @@ def _intervals(one: Intervals) -> Figure:
         "xaxis": _axis(one.xlabel),
         "yaxis": {"type": "category", "range": [len(names) - 0.4, -0.6], "showgrid": False},
     }
-    return {
-        "data": data,
-        "layout": layout | {"height": 62 + 24 * len(names), "hovermode": "closest", "showlegend": False},
-    }
+    height = 66 + 24 * len(names) + 15 * layout["xaxis"]["title"]["text"].count("<br>")
+    return {"data": data, "layout": layout | {"height": height, "hovermode": "closest", "showlegend": False}}
 
 
 def _regions(regions: Regions) -> Figure:
@@ -281,4 +290,5 @@ def _written(regions: Regions, bands: list[str], label: tuple[str, float, float]
     band = bands[regions.codes[row, column]]
     red, green, blue = (int(band[i : i + 2], 16) / 255 for i in (1, 3, 5))
     colour = _ON_LIGHT if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else _ON_DARK
+    said = said if len(said) <= _LABEL else f"{said[: _LABEL - 1]}…"
     return _text(said, x, y, textangle=0 if fits else -90, font={"size": 10, "color": colour})

@@ -111,7 +111,7 @@ def patch(name: str, colour: str) -> dict[str, Any]:
         "x": [None],
         "y": [None],
         "mode": "markers",
-        "name": text(name),
+        "name": text(name, WIDE),
         "marker": marker,
     }
 

@@ -11,7 +11,7 @@
 
   const AXIS = { automargin: true, ticks: "outside", ticklen: 4, tickcolor: "rgba(0,0,0,0)", gridcolor: GRID, zeroline: false, exponentformat: "e", hoverformat: DIGITS, tick0: 0 };
   const LAYOUT = {
-    autosize: true, dragmode: touched ? false : "zoom", paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
+    autosize: true, minreducedheight: 30, dragmode: touched ? false : "zoom", paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
     font: { size: 11, color: INK, family: getComputedStyle(document.body).fontFamily },
     hoverlabel: { align: "left", namelength: -1 }, modebar: { bgcolor: "rgba(0,0,0,0)", color: INK },
   };
