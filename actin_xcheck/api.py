@@ -23,9 +23,8 @@ from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare import Comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.study import at_work, carry_out
-from actin_xcheck.studies.sweep.carry_out import carry_out as carry_out_sweep
-from actin_xcheck.studies.sweep.carry_out import plan
-from actin_xcheck.studies.sweep.table import SweepTable
+from actin_xcheck.studies.sweep import study as sweeping
+from actin_xcheck.studies.sweep.study import SweepTable
 
 __all__ = ["cross_check", "load", "render", "run", "sweep"]
 
@@ -144,8 +143,11 @@ def sweep(
     processes = jobs_asked(jobs, scheduler)
     names = [methods] if isinstance(methods, str) else list(methods)
     asked = Wanted(names[0], refine, dt, rtol, _fidelity(fidelity))
-    planned = plan(Path(file), names, asked, make_folder(Path(out)), "actin_xcheck.sweep")
-    table, _ = carry_out_sweep(planned, processes, scheduler, lambda label, done, total: None)
+    made_by = "actin_xcheck.sweep"
+    runs, folder = sweeping.runs_of(Path(file), names, asked, made_by), make_folder(Path(out))
+    table, _ = sweeping.carry_out(
+        runs, folder, processes, scheduler, lambda label, over, whole: None, made_by
+    )
     return table
 
 

@@ -21,9 +21,9 @@ from actin_xcheck.runs.executor import ATTEMPTS, Lost, executor
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.sweep import study as sweeping
 from actin_xcheck.studies.sweep.plan import points_of
-from actin_xcheck.studies.sweep.table import read_table
-from actin_xcheck.studies.sweep.task import LOG, Task, finished, work
+from actin_xcheck.studies.sweep.study import LOG, Run, finished, read_table
 from tests.ending import killed, process, raises
 from tests.processes import cluster, posix, wait_until
 from tests.test_cli import cli, one_line
@@ -101,7 +101,7 @@ def test_ranges_side_by_side_and_lists_of_scenes(tmp_path: Path) -> None:
         (SMALL.replace("count = 3", "count = 100000"), ("200000 runs", "100000")),
         (SMALL.replace("psi = [", "psy = ["), ("parameters.psy", "did you mean psi")),
         (SMALL.replace("psi = [0.0", "psi = [-3.0"), ("parameters.d = 0.001, parameters.psi = -3.0:",)),
-        (SMALL + '[over.name]\nfirst = ["x"]', ("over.name.first", "no table")),
+        (SMALL + '[over.name]\nfirst = ["x"]', ("name.first", "no table")),
         ("scene = \x00", ("not valid TOML",)),
     ],
 )  # fmt: skip
@@ -118,16 +118,13 @@ def test_a_mistake_in_the_file_is_one_line_and_nothing_is_run(
     assert not starts(tmp_path / "out")
 
 
-def test_a_key_is_that_of_scene_method_numerics_and_code_alone(tmp_path: Path) -> None:
-    task = Task(
-        load_scene("static-decay").text, "here", Wanted("fem-p1-paper"), tmp_path, "some code", "sweep"
-    )
-    same = replace(task, origin="there", command="another", folder=tmp_path / "elsewhere")
+def test_a_key_is_that_of_scene_method_numerics_and_code_alone(monkeypatch) -> None:
+    one = Run(load_scene("static-decay").text, "here", Wanted("fem-p1-paper"), "sweep")
+    same = replace(one, origin="there", command="another")
     others = [
-        replace(task, text=load_scene("growing-disk").text),
-        replace(task, code="other code"),
+        replace(one, text=load_scene("growing-disk").text),
         *(
-            replace(task, numerics=numerics)
+            replace(one, numerics=numerics)
             for numerics in (
                 Wanted("fv-coupled"),
                 Wanted("fem-p1-paper", refine=4),
@@ -137,10 +134,11 @@ def test_a_key_is_that_of_scene_method_numerics_and_code_alone(tmp_path: Path) -
             )
         ),
     ]
-    assert same.key == task.key
-    assert len({one.key for one in (task, *others)}) == 1 + len(others)
-    with pytest.raises(UserError, match="another version"):
-        work(task)
+    keys = {each.key for each in (one, same, *others)}
+    assert same == one
+    assert len(keys) == 1 + len(others)
+    monkeypatch.setattr(sweeping, "code", lambda: "other code")
+    assert one.key not in keys
 
 
 def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -> None:  # noqa: F811

@@ -11,7 +11,7 @@ from actin_xcheck.core.choices import Fidelity
 
 if TYPE_CHECKING:
     from actin_xcheck.cli.output import SweepAnswer
-    from actin_xcheck.studies.sweep.table import SweepTable
+    from actin_xcheck.studies.sweep.study import SweepTable
 
 
 def sweep_command(
@@ -47,21 +47,23 @@ def sweep_command(
     row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for a mistake in what was
     asked.
     """
+    from actin_xcheck.cli.conduct import saying_the_cost
     from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.core.outcome import Ending
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Wanted
-    from actin_xcheck.studies.sweep.carry_out import carry_out, plan
+    from actin_xcheck.studies.sweep.study import carry_out, runs_of
 
     processes = jobs_asked(jobs, scheduler)
     asked = Wanted(method[0], refine, dt, rtol, fidelity)
     folder = report_folder(out_dir, "sweep")
-    planned = plan(file, method, asked, folder, command())
+    runs = runs_of(file, method, asked, command())
     make_folder(folder)
     with Progress(quiet) as progress:
-        table, made = carry_out(planned, processes, scheduler, progress.report)
+        tell = saying_the_cost(progress, processes)
+        table, made = carry_out(runs, folder, processes, scheduler, tell, command())
     answer = _answer(table, made)
     if json:
         say(answer)
@@ -73,7 +75,7 @@ def sweep_command(
 
 def _answer(table: "SweepTable", made: int) -> "SweepAnswer":
     from actin_xcheck.cli.output import SweepAnswer
-    from actin_xcheck.studies.sweep.table import CSV_NAME
+    from actin_xcheck.studies.sweep.study import CSV_NAME
 
     outcomes = Counter(table["outcome"].tolist())
     return SweepAnswer(

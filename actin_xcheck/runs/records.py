@@ -6,7 +6,7 @@ one of numbers; names with numbers are two datasets `names` and `numbers`.  A ta
 group with a dataset a column.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from functools import reduce
@@ -54,8 +54,18 @@ def read_record(group: h5py.Group, kind: Any) -> Any:
     return kind(**{name: _get(group, name, hints[name]) for name in stored})
 
 
-def write_table(group: h5py.Group, rows: Sequence[Any]) -> None:
-    """Write rows of one class into an empty group: a dataset a field, numbered groups if not plain."""
+def write_table(group: h5py.Group, rows: Sequence[Any] | Mapping[str, Any]) -> None:
+    """Write rows of one class, or columns by name, into an empty group.
+
+    A field is a dataset, numbered groups if it is not plain; a column an array (n,) of numbers or text.
+    """
+    if isinstance(rows, Mapping):
+        for name, values in rows.items():
+            if values.dtype.kind == "U":
+                _put_text(group, name, values.astype(object))
+            else:
+                group[name] = values
+        return
     hints = get_type_hints(type(rows[0])) if rows else {}
     for name, hint in hints.items():
         column = [getattr(row, name) for row in rows]

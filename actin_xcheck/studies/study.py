@@ -86,10 +86,10 @@ class Batch(tuple[Task, ...]):
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of one dataclass, with a title and a note; `shown` are the fields that a page shows, else all."""
+    """Rows of one dataclass, or columns by name, with a title and a note; `shown` are on a page, else all."""
 
     title: str
-    rows: Sequence[Any]
+    rows: Sequence[Any] | Mapping[str, Any]
     note: str = ""
     shown: tuple[str, ...] = ()
 
