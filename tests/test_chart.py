@@ -26,7 +26,7 @@ from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.chart.measure import Asked, cloud, measured
 from actin_xcheck.studies.chart.plots import SIGNS, Row
-from actin_xcheck.studies.chart.points import QUICK, Plan, ladder, published
+from actin_xcheck.studies.chart.points import QUICK, Plan, ladder, published, work_of
 from actin_xcheck.studies.chart.study import chart, default_methods
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.studies.page import write_page
@@ -127,7 +127,7 @@ def test_errors_in_space_and_time_fall_together_along_a_ladder(name):
         assert fall == pytest.approx([2.0 ** (order / method.order_dt)] * len(fall))
     wide = ladder(scene, method)
     assert set(rungs) < set(wide)
-    costs = [point.cost(scene.output_times) for point in wide]
+    costs = [work_of(point, scene) for point in wide]
     assert costs == sorted(costs)
 
 
