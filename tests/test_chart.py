@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from actin_xcheck.cli.app import app
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.alone import work_alone
+from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.method import METHODS
@@ -26,7 +27,7 @@ from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.chart.measure import Asked, cloud, measured
 from actin_xcheck.studies.chart.plots import SIGNS, Row
-from actin_xcheck.studies.chart.points import QUICK, Plan, ladder, published, work_of
+from actin_xcheck.studies.chart.points import QUICK, Plan, ladder, published
 from actin_xcheck.studies.chart.study import chart, default_methods
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.studies.page import write_page
@@ -127,7 +128,7 @@ def test_errors_in_space_and_time_fall_together_along_a_ladder(name):
         assert fall == pytest.approx([2.0 ** (order / method.order_dt)] * len(fall))
     wide = ladder(scene, method)
     assert set(rungs) < set(wide)
-    costs = [work_of(point, scene) for point in wide]
+    costs = [run_seconds(point, scene.output_times) for point in wide]
     assert costs == sorted(costs)
 
 

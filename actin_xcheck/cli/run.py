@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from actin_xcheck.runs.numerics import Numerics
     from actin_xcheck.scene.scene import Scene
 
+WORTH_SAYING = 10.0
+"""Seconds from which on it is said beforehand what a run will take."""
+
 
 SceneWord = Annotated[str, typer.Argument(help="A shipped name or a TOML file, [dimensional] in dyn, cm, s.")]
 MethodWord = Annotated[
@@ -100,16 +103,20 @@ def _run(
     scene: "Scene", numerics: "Numerics", out_file: Path, resume: bool, quiet: bool, json: bool
 ) -> NoReturn:
     """Run, say how it ended and leave with the exit code."""
+    from actin_xcheck.cli.conduct import lasting
     from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.outcome import Ending
     from actin_xcheck.core.signals import stop_signals
+    from actin_xcheck.runs.cost import run_seconds
     from actin_xcheck.runs.run import run
 
     label, reduction = f"{scene.name} · {numerics.method.name}", numerics.reduction
     if not json:
         _say(reduction)
     with Progress(quiet) as progress, stop_signals() as stop:
+        if (seconds := run_seconds(numerics, scene.output_times)) > WORTH_SAYING and not resume:
+            progress.say(f"{label}: about {lasting(seconds)}")
 
         def tell(done: int, total: int) -> None:
             progress.report(label, done, total)

@@ -18,15 +18,15 @@ from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import STOPPED, Series, find_night, read_claims, read_nights, read_series
 from actin_xcheck.nightly.items import Checked, Control, Costed, Diluted, Item, night_long
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Kept, nights_in, write_night
+from actin_xcheck.runs.cost import KERNEL, seconds_of
 from actin_xcheck.runs.executor import cores
-from actin_xcheck.runs.method import METHODS, find_method
+from actin_xcheck.runs.method import METHODS, Method, find_method
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.hunt import Check
-from actin_xcheck.studies.stored import seconds_of
 
 PAGES = 0.08
 """Share of a budget that is left for pages and the history."""
@@ -55,9 +55,6 @@ EXTRA: tuple[Check, ...] = (
 
 GUESSED = 5.0
 """Seconds of a check of which no night has told."""
-
-KERNEL = 0.055
-"""Seconds of the reference kernel on the machine of which seconds are guessed."""
 
 COST_SCENE, COST_REFINE, COST_STEPS, COST_RTOL = "fig14-four-fronts", 3, 40, 1e-4
 
@@ -99,11 +96,16 @@ def suite() -> tuple[Item, ...]:
     checks = [Checked(check, _guess(check)) for check in (*SUITE, *EXTRA)]
     controls = [Control(name, GUESSED) for name in FAULTS]
     costs = [
-        Costed(COST_SCENE, name, COST_REFINE, COST_STEPS, COST_RTOL, 3.0)
+        Costed(COST_SCENE, name, COST_REFINE, COST_STEPS, COST_RTOL, _guessed(method))
         for name, method in METHODS.items()
         if not method.driven_by
     ]
     return (*checks, *controls, *costs)
+
+
+def _guessed(method: Method) -> float:
+    """Seconds of what is measured up to three times, beside the reference kernel."""
+    return 1.0 + 3 * seconds_of(method, COST_REFINE, COST_STEPS)
 
 
 def _guess(check: Check) -> float:

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from actin_xcheck.core.files import make_folder, replace_file
+from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import Numerics
@@ -46,7 +47,7 @@ class Stored:
     @property
     def seconds(self) -> float:
         """About what it takes."""
-        return seconds_of(self.method, self.refine, step_count(self.dt, self.scene.output_times))
+        return run_seconds(self.numerics, self.scene.output_times)
 
     @property
     def task(self) -> Task:
@@ -72,13 +73,6 @@ def _coarser(job: Stored, times: int) -> Stored:
         file=f"{job.file.removesuffix('.vtkhdf')}--coarser-{times}.vtkhdf",
         rtol=None if job.rtol is None else job.rtol * growth,
     )
-
-
-def seconds_of(method: Method, refine: int, steps: int) -> float:
-    """About what so many steps take on one core: finite volumes twice as long as finite elements."""
-    stages = 1 + 2.5 * (method.order_dt - 1)
-    per_step = 4.0**refine * stages * method.space**2 * (1 if method.family == "fem" else 2)
-    return 2e-5 * steps * per_step
 
 
 @dataclass(frozen=True)

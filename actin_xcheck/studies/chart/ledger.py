@@ -15,6 +15,7 @@ from actin_xcheck.core.contract import Problem, Solver
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Sheet
+from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -29,9 +30,6 @@ METHOD, REFINE, RTOL = METHODS["fem-p3-imex4"], 2, 1e-6
 
 TIMED = 7
 """Steps whose time is taken, after one to warm up."""
-
-SECONDS = 3.0
-"""Of a run, with the timing of its steps, about."""
 
 NOTICEABLE = 0.1
 """Of a run's time: what a term must cost to be told from the scatter of clocks."""
@@ -135,7 +133,10 @@ def ledger_tasks(scene: Scene, refine: int = REFINE) -> list[Task]:
     tested = [term.name for term in TERMS if term.there(problem) and not term.idle(problem)]
     runs = [Run(scene, finer=1, refine=refine), Run(scene, refine=refine)]
     runs += [Run(scene, name, refine=refine) for name in tested]
-    return [Task(traced, one, SECONDS) for one in runs]
+    return [
+        Task(traced, one, 2 * seconds_of(METHOD, refine + one.finer, chosen_steps(METHOD, RTOL)))
+        for one in runs
+    ]
 
 
 def ledger(scene: Scene, accuracy: float, traces: Sequence[Trace]) -> tuple[Entry, ...]:

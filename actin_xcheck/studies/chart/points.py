@@ -7,7 +7,7 @@ smaller steps, for no rule knows where a scene has its errors.
 
 from dataclasses import dataclass
 
-from actin_xcheck.runs.march import step_count
+from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
@@ -34,7 +34,6 @@ class Plan:
     refines : meshes of methods of order 2 or less, and of those of higher order, which are finer on the same
         cells.
     steps_beside, tolerances_beside : factors of the number of equal steps, and of the tolerance.
-    reference_seconds : processor seconds that the runs of the reference are reckoned to take.
     published : whether the article's scheme is run with its own mesh and step too.
     """
 
@@ -43,7 +42,6 @@ class Plan:
     refines: tuple[tuple[int, ...], tuple[int, ...]] = ((2, 3, 4, 5, 6), (1, 2, 3, 4, 5))
     steps_beside: tuple[float, ...] = (0.25, 1.0, 4.0)
     tolerances_beside: tuple[float, ...] = (10.0, 1.0, 0.1)
-    reference_seconds: float = 65.0
     published: bool = True
 
 
@@ -53,16 +51,8 @@ QUICK = Plan(
     (("fem-p4-imex4", 2, 1e-6), ("fem-p4-imex4", 3, 1e-7)),
     steps_beside=(1.0,),
     tolerances_beside=(1.0,),
-    reference_seconds=8.0,
     published=False,
 )
-
-
-def work_of(point: Numerics, scene: Scene) -> float:
-    """About how much work a point is, in any unit that all points of one method share: cells x steps."""
-    if point.rtol is None:
-        return 4.0**point.refine * step_count(point.dt, scene.output_times)
-    return 4.0**point.refine * point.rtol ** (-1 / point.method.order_dt)
 
 
 def command_of(point: Numerics, scene: Scene) -> str:
@@ -84,7 +74,7 @@ def ladder(scene: Scene, method: Method, plan: Plan = WHOLE) -> list[Numerics]:
             else:
                 steps = factor * COARSEST_STEPS * 2 ** (order / method.order_dt * (refine - 2))
                 points.append(Numerics(method, refine, scene.time.end / max(round(steps), 1)))
-    return sorted(points, key=lambda point: work_of(point, scene))
+    return sorted(points, key=lambda point: run_seconds(point, scene.output_times))
 
 
 def published(scene: Scene, method: Method, plan: Plan = WHOLE) -> list[Numerics]:

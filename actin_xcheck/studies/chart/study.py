@@ -9,13 +9,14 @@ import numpy as np
 
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.report.exhibits import Chapter, Sheet
+from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.chart.ledger import Entry, ledger, ledger_sheet, ledger_tasks
 from actin_xcheck.studies.chart.measure import REPEATS, SHORT, Answer, Asked, Sample, answered, measured
 from actin_xcheck.studies.chart.plots import WORKS, Chart, chapter_of, row_of
-from actin_xcheck.studies.chart.points import WHOLE, Plan, ladder, published, reference_points, work_of
+from actin_xcheck.studies.chart.points import WHOLE, Plan, ladder, published, reference_points
 from actin_xcheck.studies.chart.truth import WRONG, Quantity, truth_of
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
@@ -73,10 +74,11 @@ class _Climb:
 
     def expected(self, point: Numerics) -> float:
         """Processor seconds that all repetitions of a point will take, by those of the one before it."""
+        reckoned = run_seconds(point, self.scene.output_times)
         if not self.samples:
-            return 1.0
+            return REPEATS * reckoned
         before, sample = self.samples[-1]
-        once = float(np.median(sample.cpu)) * work_of(point, self.scene) / work_of(before, self.scene)
+        once = float(np.median(sample.cpu)) * reckoned / run_seconds(before, self.scene.output_times)
         return once * (REPEATS if once < SHORT else 1)
 
     def goes_on(self) -> bool:
@@ -94,12 +96,8 @@ class _Climb:
 def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
     """Measure all points of a scene's chart, rung by rung, and its terms."""
     fixed = reference_points(scene, plan)
-    shares = (
-        0.12 * plan.reference_seconds,
-        0.88 * plan.reference_seconds,
-    )  # the finer has eight times the work
     climbs = [_Climb(scene, ladder(scene, method, plan), plan.budget) for method in methods]
-    held = [Task(answered, Asked(scene, point), share) for point, share in zip(fixed, shares, strict=True)]
+    held = [Task(answered, Asked(scene, point), run_seconds(point, scene.output_times)) for point in fixed]
     coarse, fine, *traces = yield Batch((*held, *ledger_tasks(scene)), later=len(climbs) * plan.budget)
     while under_way := [climb for climb in climbs if climb.goes_on()]:
         tasks = [_timed(scene, climb.rungs[0], climb.expected(climb.rungs[0])) for climb in under_way]
@@ -108,7 +106,7 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
             climb.samples.append((climb.rungs.pop(0), sample))
     tried = {point for climb in climbs for point, _ in climb.samples}
     more = [point for method in methods for point in published(scene, method, plan) if point not in tried]
-    samples = yield [_timed(scene, point, plan.budget) for point in more]
+    samples = yield [_timed(scene, point, run_seconds(point, scene.output_times)) for point in more]
     charted = [pair for climb in climbs for pair in climb.samples]
     for point, sample in zip(more, samples, strict=True):
         last = max(i for i, (other, _) in enumerate(charted) if other.method == point.method)

@@ -18,6 +18,7 @@ from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.cost import run_seconds, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
@@ -101,9 +102,7 @@ class Ripples:
     @property
     def seconds(self) -> float:
         """About what it takes."""
-        method = find_method(self.method)
-        nodes = 4.0**self.refine * method.space**2
-        return len(self.modes) * nodes / 8e3 * method.order_dt * (3 if method.family == "fv" else 1)
+        return (1 + len(self.modes)) * seconds_of(find_method(self.method), self.refine, STEPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +243,7 @@ class Course:
     @property
     def seconds(self) -> float:
         """About what it takes."""
-        method = find_method(self.method)
-        nodes = 4.0**self.refine * method.space**2
-        return self.steps * nodes / 4e4 * method.order_dt * (3 if method.family == "fv" else 1)
+        return run_seconds(self.numerics, [load_scene(self.scene).time.end])
 
     @property
     def file(self) -> str:

@@ -16,6 +16,7 @@ from actin_xcheck.core.model import Array, Delta
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.runs.accuracy import AccuracyLevel
 from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.runs.numerics import Numerics
@@ -32,7 +33,6 @@ from actin_xcheck.scene.distortion import (
 from actin_xcheck.scene.outline import write_mesh
 from actin_xcheck.scene.resolve import mesh_of, resolve
 from actin_xcheck.scene.scene import Scene, parse_scene
-from actin_xcheck.studies.stored import seconds_of
 
 
 @dataclass(frozen=True)
@@ -217,6 +217,12 @@ class Converged:
     def at(cls, scene: Scene, level: AccuracyLevel) -> "Converged":
         """A scene's run on a level."""
         return cls(scene.text, level.method.name, level.refine, level.rtol)
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes."""
+        method = find_method(self.method)
+        return seconds_of(method, self.refine, chosen_steps(method, self.rtol))
 
     @property
     def words(self) -> str:

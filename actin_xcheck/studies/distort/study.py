@@ -17,9 +17,6 @@ from actin_xcheck.studies.study import Report, Study, Table, Task
 TRUTH_LEVELS = LEVELS[3:5]
 """Levels of the converged runs, on the disk's own mesh; the second is believed, their change says how far."""
 
-TRUTH_SECONDS = 5.0
-"""Of a converged run, about."""
-
 SHOWN = (
     "scene",
     "method",
@@ -58,7 +55,7 @@ def distort(
         for case in cases_of(scene, method, family, severity)
     }
     truths = [Converged.at(scene, level) for scene, _ in scenes for level in truth_levels]
-    answers = yield [*(Task(converged, truth, TRUTH_SECONDS) for truth in truths), *cases.values()]
+    answers = yield [*(Task(converged, truth, truth.seconds) for truth in truths), *cases.values()]
     of_case = dict(zip(cases, answers[len(truths) :], strict=True))
     rows: list[Row] = []
     chapters, sentences, told = [], [], []

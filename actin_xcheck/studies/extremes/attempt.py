@@ -16,6 +16,7 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import March, Moment, checked_step
 from actin_xcheck.runs.method import METHODS, SHAPES, SOUNDNESS, Method, load
@@ -64,6 +65,13 @@ class Trial:
     def loaded(self) -> Scene:
         """The scene."""
         return load_scene(self.scene)
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes; steps shorten towards the end of the model."""
+        level = self.level
+        once = seconds_of(level.of, level.refine, 2 * chosen_steps(level.of, level.rtol))
+        return 2 * once if self.epsilon else once
 
     @property
     def command(self) -> str:

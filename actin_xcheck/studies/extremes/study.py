@@ -109,9 +109,6 @@ def agreement(found: Sequence[Breakdown]) -> dict[str, tuple[float, float]]:
 PARTED = 1e-3
 """Twins that are further apart, relative, have parted."""
 
-LONGER = 0.4
-"""Seconds by which a trial takes longer than the next one, about: all take six minutes on two cores."""
-
 SHOWN_RUNS = (
     *("scene", "rheology", "method", "refine", "remesh", "outcome", "t", "steps", "shape", "worn"),
     *("remeshings", "residual", "area", "message", "command"),
@@ -119,9 +116,8 @@ SHOWN_RUNS = (
 
 
 def extremes(trials: Sequence[Trial]) -> Study:
-    """Carry out trials, which stand in the order of their length, and read the breakdown times off."""
-    tasks = [Task(attempt, trial, LONGER * (len(trials) - i)) for i, trial in enumerate(trials)]
-    attempts: list[Attempt] = yield tasks
+    """Carry out trials and read the breakdown times off."""
+    attempts: list[Attempt] = yield [Task(attempt, trial, trial.seconds) for trial in trials]
     found = breakdowns(attempts)
     agreed = agreement(found)
     findings = [

@@ -12,6 +12,7 @@ from actin_xcheck.core.contract import Probes
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel, estimated
+from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
@@ -134,6 +135,14 @@ class Converged:
 
     scene: str
     levels: tuple[int, int] = TRUTH_LEVELS
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes where the first two levels agree."""
+        return sum(
+            seconds_of(one.method, one.refine, chosen_steps(one.method, one.rtol))
+            for one in LEVELS[self.levels[0] :][:2]
+        )
 
 
 def truth_of(asked: Converged, folder: Path) -> Truth:

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.cost import seconds_of
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
@@ -115,9 +116,7 @@ class Point:
     @property
     def seconds(self) -> float:
         """About what it takes."""
-        method, cells = find_method(self.method), 4.0 ** (self.refine - REFINE)
-        per_step = (1 + 2.5 * (method.order_dt - 1)) * (1 if method.family == "fem" else 3)
-        return 4e-3 * self.steps * per_step * cells * method.space**2
+        return seconds_of(find_method(self.method), self.refine, self.steps)
 
     @property
     def command(self) -> str:

@@ -33,9 +33,6 @@ from actin_xcheck.studies.study import Report, Study, Table, Task
 LADDER = tuple(2**n for n in range(9))
 """Steps of the runs at the scene's own psi and p that show what a method answers."""
 
-TRUTH_SECONDS = 1.0
-"""What a converged run takes, about."""
-
 SHOWN = (
     *("method", "plane", "psi", "p", "dt", "refine", "steps", "label", "sentence", "seconds", "command"),
 )
@@ -164,7 +161,8 @@ def frontier(
         new = [point for point in dict.fromkeys(wanted) if point not in known.answers]
         scenes = [text for text in dict.fromkeys(point.scene for point in new) if text not in known.truths]
         truths = [
-            Task(truth_of, Converged(text, truth_levels), TRUTH_SECONDS, (), lost_truth) for text in scenes
+            Task(truth_of, one, one.seconds, (), lost_truth)
+            for one in (Converged(text, truth_levels) for text in scenes)
         ]
         runs = [Task(answer_of, point, point.seconds, (point.file,), lost_answer) for point in new]
         answers = yield [*truths, *runs]

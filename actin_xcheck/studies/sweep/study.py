@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.executor import Lost, executor
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Wanted
@@ -66,8 +67,9 @@ class Run:
     @property
     def task(self) -> Task:
         """What makes it; UserError where the scene is none, or cannot be run like this."""
-        self.numerics.on(parse_scene(self.text, self.origin))
-        return Task(work, self, files=(self.file,), lost=lost)
+        scene = parse_scene(self.text, self.origin)
+        seconds = run_seconds(self.numerics.on(scene), scene.output_times)
+        return Task(work, self, seconds, (self.file,), lost)
 
 
 @dataclass(frozen=True)
