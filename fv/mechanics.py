@@ -27,7 +27,7 @@ from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from fv import krylov
 from fv.boundary import Ties, settle
 from fv.mesh import Faces
-from fv.stress import Assembly, Diamonds, Moduli, traction
+from fv.stress import Assembly, Diamonds, Moduli, divergence, traction
 from fv.system import System
 
 
@@ -66,7 +66,7 @@ class FvForceBalance:
         self.assembly = Assembly(faces, self.ties.unknown, self.ties.size)
         first, second = faces.cells[:, faces.interior]
         self.ring = faces.interior[self.delta[first] != self.delta[second]]
-        self._anchor = Anchor(mesh.xi)
+        self._anchor, self._guess = Anchor(mesh.xi), np.zeros_like(mesh.xi)
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
@@ -102,10 +102,10 @@ class FvForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def near(self, anchor: Anchor) -> Self:
-        """Return the same, its systems preconditioned at an anchor instead of on the reference cell."""
+    def near(self, anchor: Anchor, v: Array) -> Self:
+        """Return the same, its systems preconditioned at an anchor, solutions sought near v (2, N)."""
         other = copy(self)
-        other._anchor = anchor
+        other._anchor, other._guess = anchor, v
         return other
 
     def _move(self, t: float, dt: float, x: Array, corners: Array) -> Move:
@@ -119,10 +119,8 @@ class FvForceBalance:
         kink = self._kink(diamonds, x, system.interpolation, loads.jump)
         load = self.assembly.load(loads.on_faces)
         load[:, -self.faces.rim.size :] += loads.on_rim
-        found, outcome = system.solve(
-            load.T.ravel() - system.from_vertices(system.projected(kink)),
-            self._factor,
-        )
+        load = load.T.ravel() - system.from_vertices(system.projected(kink))
+        found, outcome = system.solve(load, self._at_places(self._guess), self._factor)
         v = system.without_rigid_motion(system.at_vertices(found) + system.projected(kink))
         return Move(x, v, outcome, *system.net(found))
 
@@ -141,17 +139,14 @@ class FvForceBalance:
         faces, model, u = self.faces, self.model, self.displacement(x)
         area, ring = diamonds.area, self.ring
         a = corners.T.ravel()[faces.ends].mean(axis=(0, 1))
-        in_cells, on_rim = (
-            u[:, self.mesh.triangles].mean(axis=1),
-            u[:, faces.nodes[:, faces.rim]].mean(axis=1),
-        )
-        gradient = diamonds.gradient(np.hstack([in_cells, on_rim]), u)
+        at_places = self._at_places(u)
+        gradient = diamonds.gradient(at_places, u)
         elastic = traction(gradient, area, model.elastic_moduli())
-        phi = gradient[0, 0] + gradient[1, 1]
+        phi = divergence(gradient)
         # both sides of a face; on the ring each side has its own gradient
         first, second = faces.cells[0], np.where(faces.cells[1] < 0, faces.cells[0], faces.cells[1])
         own = _gradients(x, self.mesh, u)
-        dilation = own[0, 0] + own[1, 1]
+        dilation = divergence(own)
         sides = np.stack([phi, phi])
         sides[:, ring] = dilation[[first[ring], second[ring]]]
         f = model.active_stress(a, sides, self.delta[np.stack([first, second])])
@@ -165,10 +160,15 @@ class FvForceBalance:
         across = (f[1] - f[0])[ring] * area[:, ring] + own_elastic[1] - own_elastic[0]
         return _Loads(
             on_faces=mean * area + elastic,
-            on_rim=self._on_rim(area, a, phi, on_rim),
+            on_rim=self._on_rim(area, a, phi, at_places[:, -faces.rim.size :]),
             jump=_jump(across, area[:, ring], moduli),
             dilation=np.minimum(dilation, self._least(phi)),
         )
+
+    def _at_places(self, nodal: Array) -> Array:
+        """Means (2, n_places) over the cells and the boundary's faces of vertex values (2, N)."""
+        ends = self.faces.nodes[:, self.faces.rim]
+        return np.hstack([nodal[:, self.mesh.triangles].mean(axis=1), nodal[:, ends].mean(axis=1)])
 
     def _on_rim(self, area: Array, a: Array, phi: Array, u: Array) -> Array:
         """f_rim S on the rim, less the wall's elastic friction of displacements u (2, n_boundary)."""

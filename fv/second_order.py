@@ -89,7 +89,8 @@ class FvSecondOrder(FvDiamond):
             rates.append(self._rate(here))
             outcome = rates[-1].outcome
             if outcome.ok:
-                here = replace(here, t=state.t + stage.at * dt, x=self._place(state, dt, stage, rates))
+                x = self._place(state, dt, stage, rates)
+                here = replace(here, t=state.t + stage.at * dt, x=x, v=rates[-1].v)
                 outcome = orientation(self.mesh, here.t, here.x)
             if outcome.ok:
                 carried = start + _blend(stage.implicit, [solution.change for solution in solutions])

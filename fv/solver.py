@@ -69,7 +69,7 @@ class FvDiamond(Polygonal[FvState]):
         """The mechanics, our own force balance preconditioned where the state says."""
         if state.anchor is None or not isinstance(self.mechanics, FvForceBalance):
             return self.mechanics
-        return self.mechanics.near(state.anchor)
+        return self.mechanics.near(state.anchor, state.v)
 
     def next_anchor(self, old: FvState, x: Array, solves: int) -> Anchor | None:
         """Where to precondition after a step of so many force balances that led to x (2, N)."""

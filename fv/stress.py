@@ -90,11 +90,17 @@ class Diamonds:
         return blocks
 
 
+def divergence(gradient: Array) -> Array:
+    """The trace (n,) of gradients (2, 2, n)."""
+    trace: Array = gradient[0, 0] + gradient[1, 1]
+    return trace
+
+
 def traction(gradient: Array, area: Array, moduli: Moduli) -> Array:
     """(m1/2) (G + G^T) S + m2 tr(G) S (2, n) of gradients G (2, 2, n) on areas S (2, n)."""
     m1, m2 = moduli
     strain = (gradient + gradient.swapaxes(0, 1)) / 2
-    found: Array = m1 * (strain * area).sum(axis=1) + m2 * (gradient[0, 0] + gradient[1, 1]) * area
+    found: Array = m1 * (strain * area).sum(axis=1) + m2 * divergence(gradient) * area
     return found
 
 

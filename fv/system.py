@@ -25,7 +25,7 @@ from fv.boundary import Ties, free_motions, rigid_motions
 from fv.diamond import linear_weights
 from fv.stress import Assembly, Diamonds, Moduli
 
-GOAL = 1e-12
+GOAL = 1e-11
 """Relative residual at which the iteration stops."""
 
 ACCEPTED = 1e-10
@@ -155,12 +155,15 @@ class System:
         """The inverse of the two-point part, or None where it has none."""
         return krylov.factorise(self._preconditioning)
 
-    def solve(self, load: Array, near: Callable[[], krylov.Inverse | None]) -> tuple[Array, Outcome]:
+    def solve(
+        self, load: Array, guess: Array, near: Callable[[], krylov.Inverse | None]
+    ) -> tuple[Array, Outcome]:
         """Velocities (2 n_places,) under a load at the places, and how it went.
 
         Parameters
         ----------
         load : at the places, (2 n_places,).
+        guess : velocities (2, n_places) to begin with.
         near : what was factorised nearby; where it does not serve, this configuration's is.
         """
         rhs = self.restricted(load)
@@ -169,12 +172,13 @@ class System:
             return np.full_like(load, np.nan), Outcome(Ending.NON_FINITE, "the load is not finite")
         if scale == 0.0:
             return np.zeros_like(load), COMPLETED
+        begin = self.restricted(guess.T.ravel()) / scale
         for factor in (near, self.factor):
             inverse = factor()
             if inverse is None:
                 continue
             # what the iteration takes for a breakdown is not relative to the load
-            q = scale * krylov.iterate(self, rhs / scale, inverse, GOAL, ITERATIONS)
+            q = scale * krylov.iterate(self, rhs / scale, inverse, GOAL, ITERATIONS, begin)
             left = float(np.linalg.norm(rhs - self(q))) / scale
             if left <= ACCEPTED:
                 return self.at_places(q), COMPLETED

@@ -17,6 +17,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.theory.eigenfields import growth_rate
 from fem.fields import locate
 from fem.force_balance import ForceBalance
 from fv import system
@@ -25,6 +26,7 @@ from fv.mechanics import FvForceBalance
 from fv.mesh import fipy
 from fv.stress import Diamonds, traction
 from tests.lab import film_of, local_orders, play, scene_of
+from tests.test_growth import measured_rate
 
 VISCOUS, ELASTIC = Rheology.VISCOUS, Rheology.VISCOELASTIC
 MESH = disk(3, 0.8)
@@ -292,6 +294,16 @@ def test_fig14_approaches_its_reference_values():
     assert np.abs(errors[0]).max() < 8e-3
     assert np.abs(errors[1]).max() < 2e-3
     assert errors[0][1] / errors[1][1] == pytest.approx(4, abs=0.6)
+
+
+def test_a_mode_of_the_moving_cell_grows_at_its_exact_rate():
+    """Two meshes extrapolated in h^2; on either one it is nearer than P1 elements are."""
+    scene = load_scene("mode-1-cell")
+    exact = growth_rate(scene.physics, *scene.mode).real
+    coarse, fine = (measured_rate(scene, "fv", refine, scene.time.end / 40).real for refine in (3, 4))
+    assert coarse == pytest.approx(exact, rel=0.1)
+    assert fine == pytest.approx(exact, rel=0.02)
+    assert (4 * fine - coarse) / 3 == pytest.approx(exact, rel=0.012)
 
 
 def test_a_step_does_not_depend_on_where_its_systems_were_preconditioned():

@@ -212,6 +212,7 @@ class Tolerated:
 
 PAPER, FV = "fem-p1-paper", "fv-coupled"
 IMEX, CURVED, FV_2 = "fem-p1-imex2", "fem-p2-imex3", "fv-order2"
+OWN = "fv"
 FIELD, AREA, RATE = "concentration", "area", "growth_rate"
 
 SUITE: tuple[Check, ...] = (
@@ -222,6 +223,10 @@ SUITE: tuple[Check, ...] = (
     Compared("fig16-uniform-expansion", (PAPER,), 4),
     Compared("fig14-four-fronts", (CURVED, FV_2), 3, rtol=1e-4),
     Compared("mode-1-free-cell", (CURVED, FV_2), 3),
+    Compared("fig14-four-fronts", (CURVED, OWN), 3, rtol=1e-4),
+    Compared("fitted-ring-elastic", (CURVED, OWN), 3),
+    Compared("mode-11-wall", (IMEX, OWN), 3),
+    Compared("mode-1-free-cell", (CURVED, OWN), 3),
     Studied("manufactured-moving", PAPER, Refined.H, 4, (FIELD,)),
     Studied("manufactured-moving", IMEX, Refined.H, 4, (FIELD,)),
     Studied("manufactured-moving", FV, Refined.H, 4, (FIELD,)),

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.studies.faults import harness, mechanics, reductions, time_and_space, transport
+from actin_xcheck.studies.faults import harness, mechanics, reductions, time_and_space, transport, volumes
 from actin_xcheck.studies.faults.fault import Fault
 
 FAULTS = {
     fault.name: fault
-    for group in (mechanics, transport, time_and_space, reductions, harness)
+    for group in (mechanics, volumes, transport, time_and_space, reductions, harness)
     for fault in group.FAULTS
 }
 
