@@ -69,7 +69,7 @@ class Ties:
                 return _unit(normals[:, self._start] + normals[:, self._end])
             case Closure.IRROTATIONAL_WALL:
                 return _unit(edge)
-            case _:
+            case Closure.CURRENT_NORMAL | Closure.TRACTION_FREE:
                 return _unit(np.array([edge[1], -edge[0]]))
 
     def of_vertices(self, x: Array) -> tuple[Indices, Array]:

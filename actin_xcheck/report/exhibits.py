@@ -1,4 +1,4 @@
-"""What a theory report or an audit shows, as data: curves, fields, maps, tables."""
+"""What a study shows, as data: curves, fields, maps, tables."""
 
 from dataclasses import dataclass
 

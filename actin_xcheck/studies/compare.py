@@ -205,9 +205,9 @@ def read_comparison(path: Path) -> Comparison:
 _LEAD = (
     "The moving-cell model of George, Stéphanou and Madzvamuse, “Mathematical modelling and numerical "
     "simulations of actin dynamics in the eukaryotic cell”, computed with finite elements (FEM) and finite "
-    "volumes (FV) and held against theory, exact solutions and each other. FV gives a second opinion on the "
-    "transport of actin and its feedback; the force balance is one code for both and is held by theory, "
-    "exact solutions and reference values. All quantities are non-dimensional, equation numbers those of the "
+    "volumes (FV) and held against theory, exact solutions and each other. The methods fv and fv-paper are a "
+    "second opinion on all of the model; to the other finite volumes the force balance of the elements is "
+    "lent, and it is held by theory, exact solutions and reference values. All quantities are non-dimensional, equation numbers those of the "
     "article."
 )
 

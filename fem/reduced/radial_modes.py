@@ -66,7 +66,7 @@ class AngularMode:
                 self._velocities = displacements
             case Closure.IRROTATIONAL_WALL:
                 self._velocities = np.hstack([centre, radial[:, :-1], angular])
-            case _:
+            case Closure.REFERENCE_NORMAL | Closure.CURRENT_NORMAL:
                 self._velocities = np.hstack([centre, radial, angular[:, :-1]])
         self.expansion = block_diag(np.eye(count)[:, min(m, 1) :], displacements)
         """From free unknowns to (A, U, Z) at the nodes, (3 N, n)."""
