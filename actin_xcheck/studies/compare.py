@@ -207,8 +207,8 @@ _LEAD = (
     "simulations of actin dynamics in the eukaryotic cell”, computed with finite elements (FEM) and finite "
     "volumes (FV) and held against theory, exact solutions and each other. The methods fv and fv-paper are a "
     "second opinion on all of the model; to the other finite volumes the force balance of the elements is "
-    "lent, and it is held by theory, exact solutions and reference values. All quantities are non-dimensional, equation numbers those of the "
-    "article."
+    "lent, and it is held by theory, exact solutions and reference values. All quantities are "
+    "non-dimensional, equation numbers those of the article."
 )
 
 _RUNS = "Those asked for, then the coarser ones beside them, which give their uncertainties."
