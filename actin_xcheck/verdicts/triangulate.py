@@ -317,7 +317,7 @@ def _which(corners: Sequence[Corner], codes: float, off: Sequence[float]) -> str
     if min(off) > 1 and codes <= 1:
         return (
             f"{one} and {other} agree, both differ from {third}, by {_times(off[0])} and {_times(off[1])}: "
-            "it does not describe this scene, a fault is common to both (as of a force balance that is lent), "
+            "it does not describe this scene, a fault is common to both (as of a force balance that is lent) "
             "or their uncertainties are too small"
         )
     if min(off) > 1:
