@@ -45,7 +45,7 @@ def test_only_some_are_chosen_by_patterns_and_controls_bring_their_checks():
     assert all(name.startswith("compare fig14") for name in names)
     with_checks = chosen(plan, ["fault fv-leak"], False, Past())
     assert with_checks[-1].fault == "fv-leak"
-    assert len(with_checks) == 24 + 1
+    assert len(with_checks) == 28 + 1
     with pytest.raises(UserError, match=r"--only: no check is called 'fig99\*'; valid: such as compare"):
         chosen(plan, ["compare*", "fig99*"], False, Past())
     with pytest.raises(UserError, match="--failed: nothing failed"):
