@@ -56,6 +56,7 @@ _SHARED = {
     ClaimKind.ORDER_H: Group.ORDERS,
     ClaimKind.ORDER_DT: Group.ORDERS,
     ClaimKind.REDUCTION: Group.REDUCTIONS,
+    ClaimKind.INVARIANCE: Group.REDUCTIONS,
     ClaimKind.TOLERANCE: Group.REDUCTIONS,
     ClaimKind.CONTROL: Group.CONTROLS,
     ClaimKind.CLEAN: Group.CONTROLS,
