@@ -25,7 +25,8 @@ from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import write_report
 from tests.frontiers import FIG14, METHODS_SHOWN, TINY, searched, small
 from tests.lab import FEM, scene_of
-from tests.studies import InTurn, carry
+from tests.processes import InTurn
+from tests.studies import carry
 from tests.test_report import SCRIPT, Tags
 
 # maps at work
