@@ -11,16 +11,24 @@ from pathlib import Path
 
 import pytest
 
+from actin_xcheck.runs.executor import Lost
+
 posix = pytest.mark.skipif(os.name != "posix", reason="needs kills, limits or links that only POSIX has")
 
 
 class InTurn:
-    """Processes without processes."""
+    """Processes without processes: interrupted after so many tasks, losing those that ask for this."""
 
     workers = 1
 
+    def __init__(self, after=None, lost=()):
+        self.after, self.lost = after, lost
+
     def results(self, work, tasks):
-        yield from ((number, work(task)) for number, task in enumerate(tasks))
+        for number, task in enumerate(tasks):
+            if self.after is not None and number == self.after:
+                raise KeyboardInterrupt
+            yield number, Lost("killed") if self.lost and task.task.ask in self.lost else work(task)
 
 
 @contextmanager

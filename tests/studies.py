@@ -3,24 +3,9 @@
 import os
 from math import nan
 
-from actin_xcheck.runs.executor import Lost
 from actin_xcheck.studies.compare import FILE_NAME, RunRow
 from actin_xcheck.studies.study import Report, Table, carry_out, counted, write_report
-
-
-class InTurn:
-    """Has no processes: an executor in the shape of `runs.executor.Executor`."""
-
-    workers = 1
-
-    def __init__(self, after=None, lost=()):
-        self.after, self.lost = after, lost
-
-    def results(self, work, tasks):
-        for number, task in enumerate(tasks):
-            if self.after is not None and number == self.after:
-                raise KeyboardInterrupt
-            yield number, Lost("killed") if task.task.ask in self.lost else work(task)
+from tests.processes import InTurn
 
 
 def here(work, task):

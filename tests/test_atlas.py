@@ -9,8 +9,7 @@ from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Regions
 from actin_xcheck.report.figure import BANDS
-from actin_xcheck.studies.theory.curves import pictures, plots
-from actin_xcheck.studies.theory.regions import (
+from actin_xcheck.studies.theory.figures import (
     DAMPED,
     INFINITE,
     P_MAX,
@@ -19,6 +18,8 @@ from actin_xcheck.studies.theory.regions import (
     centres,
     delta_sheet,
     maps,
+    pictures,
+    plots,
 )
 from actin_xcheck.studies.theory.study import errata_sheet
 from actin_xcheck.theory.borders import cell_branches, prove

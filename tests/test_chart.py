@@ -25,9 +25,8 @@ from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
-from actin_xcheck.studies.chart.measure import Asked, cloud, measured
+from actin_xcheck.studies.chart.measure import QUICK, Asked, Plan, cloud, ladder, measured, published
 from actin_xcheck.studies.chart.plots import SIGNS, Row
-from actin_xcheck.studies.chart.points import QUICK, Plan, ladder, published
 from actin_xcheck.studies.chart.study import chart, default_methods
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.studies.page import write_page

@@ -10,9 +10,8 @@ from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.frontier import planes as planning
-from actin_xcheck.studies.frontier.answers import BOUND, Converged, Truth, answer_of, truth_of
+from actin_xcheck.studies.frontier.answers import BOUND, Converged, Kind, Truth, answer_of, judge, truth_of
 from actin_xcheck.studies.frontier.bisection import Bisection
-from actin_xcheck.studies.frontier.classes import Kind, judge
 from actin_xcheck.studies.frontier.planes import PLANES, end_at, plane_of, point_of
 from fem.space import Space
 from tests.frontiers import FIG14, answer, searched

@@ -18,14 +18,15 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.frontier.classes import Kind
+from actin_xcheck.studies.frontier.answers import Kind
 from actin_xcheck.studies.frontier.planes import check, plane_of, point_of
-from actin_xcheck.studies.frontier.words import shares, words_of
+from actin_xcheck.studies.frontier.study import shares, words_of
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import write_report
 from tests.frontiers import FIG14, METHODS_SHOWN, TINY, searched, small
 from tests.lab import FEM, scene_of
-from tests.studies import InTurn, carry
+from tests.processes import InTurn
+from tests.studies import carry
 from tests.test_report import SCRIPT, Tags
 
 # maps at work

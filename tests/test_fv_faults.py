@@ -9,7 +9,7 @@ import pytest
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.studies.faults import mechanics, volumes
+from actin_xcheck.studies.faults import mechanics
 from actin_xcheck.studies.faults.fault import Fault, replaced, unchanged
 from fem.force_balance import ForceBalance
 from fv.mechanics import FvForceBalance
@@ -79,8 +79,8 @@ SLIGHT = (
 )
 """Runs of a second, with the uncertainties that `compare` finds for them, do not show these."""
 
-FEM_ONLY = [fault for fault in mechanics.FAULTS if fault.target.startswith("fem.")]
-SHARED = {"motion-frozen", *(fault.name for fault in mechanics.FAULTS if ":Model." in fault.target)}
+FEM_ONLY = [fault for fault in mechanics.OF_ELEMENTS if fault.target.startswith("fem.")]
+SHARED = {"motion-frozen", *(fault.name for fault in mechanics.OF_ELEMENTS if ":Model." in fault.target)}
 
 
 def velocities(code, model, x):
@@ -107,7 +107,7 @@ def test_both_codes_say_the_same(name):
     assert apart(name, FvForceBalance, right(FvForceBalance, name)) < 0.03
 
 
-@pytest.mark.parametrize("fault", [*volumes.FAULTS, *SLIGHT, *FEM_ONLY], ids=lambda fault: fault.name)
+@pytest.mark.parametrize("fault", [*mechanics.OF_VOLUMES, *SLIGHT, *FEM_ONLY], ids=lambda fault: fault.name)
 def test_a_fault_of_one_code_is_seen_by_the_other(fault):
     """By three times what they differ without it, and by a twentieth at least."""
     code = FvForceBalance if fault.code == "fv" else ForceBalance
@@ -128,4 +128,4 @@ def test_what_is_no_fault_is_none():
 
 
 def test_every_other_fault_of_the_mechanics_is_of_what_both_share():
-    assert {fault.name for fault in mechanics.FAULTS} == SHARED | {fault.name for fault in FEM_ONLY}
+    assert {fault.name for fault in mechanics.OF_ELEMENTS} == SHARED | {fault.name for fault in FEM_ONLY}

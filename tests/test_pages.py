@@ -14,7 +14,7 @@ from actin_xcheck.report.draw import Drawing
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.figure import STYLES
 from actin_xcheck.report.lattice import colour_of
-from actin_xcheck.studies.frontier.classes import Kind
+from actin_xcheck.studies.frontier.answers import Kind
 from tests.browser import complaints
 from tests.colours import SEEN, lab, linear
 from tests.legible import unreadable

@@ -26,8 +26,8 @@ from actin_xcheck.studies import study as studies
 from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, counted, study_file
 from tests.claims import claim
-from tests.processes import cluster
-from tests.studies import InTurn, carry
+from tests.processes import InTurn, cluster
+from tests.studies import carry
 
 
 class Parity(StrEnum):

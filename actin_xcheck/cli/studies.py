@@ -261,7 +261,7 @@ def chart(
     """
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.scene.scene import load_scene
-    from actin_xcheck.studies.chart.points import QUICK, WHOLE
+    from actin_xcheck.studies.chart.measure import QUICK, WHOLE
     from actin_xcheck.studies.chart.study import chart as study
     from actin_xcheck.studies.chart.study import default_methods
 

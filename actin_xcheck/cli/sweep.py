@@ -48,10 +48,8 @@ def sweep_command(
     asked.
     """
     from actin_xcheck.cli.conduct import saying_the_cost
-    from actin_xcheck.cli.output import say
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import make_folder, report_folder
-    from actin_xcheck.core.outcome import Ending
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Wanted
     from actin_xcheck.studies.sweep.study import carry_out, runs_of
@@ -64,13 +62,20 @@ def sweep_command(
     with Progress(quiet) as progress:
         tell = saying_the_cost(progress, processes)
         table, made = carry_out(runs, folder, processes, scheduler, tell, command())
-    answer = _answer(table, made)
+    raise typer.Exit(_told(_answer(table, made), json))
+
+
+def _told(answer: "SweepAnswer", json: bool) -> int:
+    """Say what a sweep has made, and return the exit code."""
+    from actin_xcheck.cli.output import say
+    from actin_xcheck.core.outcome import Ending
+
     if json:
         say(answer)
     else:
         endings = ", ".join(f"{count} {ending}" for ending, count in answer.outcomes.items())
-        print(f"{answer.runs} runs, {made} of them made now: {endings}; table: {answer.table}")
-    raise typer.Exit(0 if set(answer.outcomes) <= {Ending.COMPLETED} else 1)
+        print(f"{answer.runs} runs, {answer.made} of them made now: {endings}; table: {answer.table}")
+    return 0 if set(answer.outcomes) <= {Ending.COMPLETED} else 1
 
 
 def _answer(table: "SweepTable", made: int) -> "SweepAnswer":

@@ -43,15 +43,11 @@ _FAR = 3.0  # standard deviations of what is left at most: one bad night is no c
 
 INSIDE = -2 * np.log(1 - np.sqrt(0.95))
 """Twice the loss of log-likelihood within which the night of a step lies with 95 %: (1 - e^{-x/2})^2.
-
-Steps share a night in which none loses more; more would join causes that lie some nights apart.
-"""
+Steps share a night in which none loses more; more would join causes that lie some nights apart."""
 
 _ADVANTAGE = 6.0
 """By how much more n log(RSS) a drift must explain than the steps: 20 to 1, as steps are the common case.
-
-To it comes log(n), what Schwarz's criterion asks for a parameter more: a drift has an end as well.
-"""
+To it comes log(n), what Schwarz's criterion asks for a parameter more: a drift has an end as well."""
 
 
 @dataclass(frozen=True)

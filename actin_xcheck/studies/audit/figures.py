@@ -27,8 +27,7 @@ from actin_xcheck.studies.audit.linear import (
 from actin_xcheck.studies.audit.row import Answer, answer, article, examines
 from actin_xcheck.studies.audit.sample import circle, disk_quadrature, rounds_to
 from actin_xcheck.studies.audit.stability import turns_real
-from actin_xcheck.studies.theory.curves import pictures, plots
-from actin_xcheck.studies.theory.regions import maps
+from actin_xcheck.studies.theory.figures import maps, pictures, plots
 from actin_xcheck.theory.dispersion import Version, coefficients, isolated_modes, k2_crit, sigma_prime
 from actin_xcheck.theory.errata import TABLE_4_PRINTED, TABLE_6_PRINTED, Table4Row
 from actin_xcheck.theory.modes import Mode, modes_below, table_6

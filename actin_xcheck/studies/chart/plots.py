@@ -11,8 +11,7 @@ from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.chart.measure import Sample
-from actin_xcheck.studies.chart.points import command_of
+from actin_xcheck.studies.chart.measure import Sample, command_of
 from actin_xcheck.studies.chart.truth import (
     WRONG,
     Known,

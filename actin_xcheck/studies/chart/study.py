@@ -14,9 +14,21 @@ from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.chart.ledger import Entry, ledger, ledger_sheet, ledger_tasks
-from actin_xcheck.studies.chart.measure import REPEATS, SHORT, Answer, Asked, Sample, answered, measured
+from actin_xcheck.studies.chart.measure import (
+    REPEATS,
+    SHORT,
+    WHOLE,
+    Answer,
+    Asked,
+    Plan,
+    Sample,
+    answered,
+    ladder,
+    measured,
+    published,
+    reference_points,
+)
 from actin_xcheck.studies.chart.plots import WORKS, Chart, chapter_of, row_of
-from actin_xcheck.studies.chart.points import WHOLE, Plan, ladder, published, reference_points
 from actin_xcheck.studies.chart.truth import WRONG, Quantity, truth_of
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 

@@ -2,15 +2,195 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from itertools import groupby
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from pathlib import Path
 
 import numpy as np
 
+from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
-from actin_xcheck.studies.converge.orders import Found, claim_of, read_off
-from actin_xcheck.studies.converge.plan import Refined, Refinement
+from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.store import Run, read_run
+from actin_xcheck.studies.converge.plan import Refined, Refinement, Truth
 from actin_xcheck.studies.study import Report, Study, Table, Task
-from actin_xcheck.verdicts.orders import Verdict
+from actin_xcheck.verdicts.orders import TOLERANCE, Verdict, observe
+from actin_xcheck.verdicts.quantities import change_between, error_of
+
+
+@dataclass(frozen=True)
+class Order:
+    """A refinement as it came out.
+
+    Attributes
+    ----------
+    key, scene, citation, method, refined, quantity, truth : of the refinement, in words.
+    measured : the quantity by its name.
+    declared : the order of the method.
+    claimed : whether it is claimed here.
+    at_least : whether a higher order holds too.
+    floor : errors up to this are round-off.
+    verdict, reason, slope, low, high : see `verdicts.orders.ObservedOrder`.
+    before, last : the last two local orders, where it passes of those above round-off.
+    command : what refines again.
+    """
+
+    key: str
+    scene: str
+    citation: str
+    method: str
+    refined: str
+    measured: str
+    quantity: str
+    truth: str
+    declared: float
+    claimed: bool
+    at_least: bool
+    floor: float
+    verdict: Verdict
+    reason: str
+    before: float
+    last: float
+    slope: float
+    low: float
+    high: float
+    command: str
+
+    @property
+    def name(self) -> str:
+        """The order in words."""
+        return f"order in {self.refined} of {self.quantity}"
+
+
+@dataclass(frozen=True)
+class Error:
+    """An error of a refinement, of one level or between it and the next finer one.
+
+    Attributes
+    ----------
+    key : of the refinement.
+    refine, steps, h, dt : of the level, the coarser of two.
+    error : without its sign; nan where a run gave no number.
+    order : between the level before and this one; nan at the first, and in round-off.
+    ending : how the run failed; empty where it completed.
+    file, finer_file : the level's run, and that which it is held against; empty where that is no run.
+    """
+
+    key: str
+    refine: int
+    steps: int
+    h: float
+    dt: float
+    error: float
+    order: float
+    ending: str
+    file: str
+    finer_file: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """An order with the errors that it is read off, the coarsest level first."""
+
+    order: Order
+    errors: tuple[Error, ...]
+
+    @property
+    def width(self) -> Array:
+        """What the order is in, (n,): h or dt."""
+        return np.array([one.h if self.order.refined == Refined.H else one.dt for one in self.errors])
+
+    @property
+    def sizes(self) -> Array:
+        """The errors, (n,)."""
+        return np.array([one.error for one in self.errors])
+
+
+def read_off(asked: Refinement, folder: Path) -> Found:
+    """Judge a refinement whose runs lie in the folder."""
+    files = [asked.run(level).file for level in asked.levels]
+    runs = [read_run(folder / file) for file in files]
+    errors, endings = _errors(asked, runs), [_ending(run) for run in runs]
+    finer = [""] * len(files)
+    if asked.truth is Truth.RICHARDSON:
+        endings = [coarse or fine for coarse, fine in pairwise(endings)]
+        finer = files[1:]
+    steps = [asked.steps_of(level) for level in asked.levels[: len(errors)]]
+    widths = [h if asked.refined is Refined.H else dt for h, dt in steps]
+    claimed = None if asked.no_claim else asked.declared
+    seen = observe(widths, errors, claimed, asked.at_least, asked.floor)
+    known = [one for one in seen.local if np.isfinite(one)]
+    before, last = (known if seen.verdict is Verdict.PASS else seen.local)[-2:]  # behind it may be round-off
+    order = Order(
+        key=asked.key,
+        scene=asked.scene.name,
+        citation=asked.scene.citation,
+        method=asked.method.name,
+        refined=str(asked.refined),
+        measured=str(asked.quantity),
+        quantity=asked.quantity.words,
+        truth=str(asked.truth),
+        declared=float(asked.declared),
+        claimed=not asked.no_claim,
+        at_least=asked.at_least,
+        floor=asked.floor,
+        verdict=seen.verdict,
+        reason=asked.no_claim or seen.reason,
+        before=before,
+        last=last,
+        slope=seen.slope,
+        low=seen.low,
+        high=seen.high,
+        command=command("converge", asked.origin, method=asked.method.name),
+    )
+    rows = zip(asked.levels, steps, errors, (np.nan, *seen.local), endings, files, finer, strict=False)
+    return Found(
+        order,
+        tuple(
+            Error(asked.key, level.refine, level.steps, h, dt, abs(error), local, ending, file, other)
+            for level, (h, dt), error, local, ending, file, other in rows
+        ),
+    )
+
+
+def claim_of(order: Order) -> Claim:
+    """A declared order as a claim: how far the last two local orders are from it.
+
+    Without a number where it fails for another reason than that distance, without a bound where there is no
+    verdict.
+    """
+    off = order.declared - np.array([order.before, order.last])
+    value = float((np.maximum(off, 0) if order.at_least else np.abs(off)).max())
+    judged = order.verdict in (Verdict.PASS, Verdict.FAIL)
+    if order.verdict is Verdict.FAIL and value <= TOLERANCE:
+        value = np.nan
+    return Claim(
+        kind=ClaimKind.ORDER_H if order.refined == Refined.H else ClaimKind.ORDER_DT,
+        quantity=order.measured,
+        scene=order.scene,
+        methods=(order.method,),
+        statement=f"the {order.name} is {order.declared:g}: {order.reason}",
+        value=value,
+        bound=TOLERANCE if judged else np.nan,
+        command=order.command,
+        path="/tables/orders",
+        note=f"value: the larger distance of the last two local orders, against {order.truth}",
+    )
+
+
+def _errors(asked: Refinement, runs: Sequence[Run]) -> list[float]:
+    """One error per level, or per pair of successive levels."""
+    if asked.truth is Truth.RICHARDSON:
+        return [change_between(asked.scene, *pair, asked.quantity) for pair in pairwise(runs)]
+    return [error_of(asked.scene, run, asked.quantity) for run in runs]
+
+
+def _ending(run: Run) -> str:
+    """How a run failed; empty where it completed."""
+    stated = run.attributes
+    return "" if stated["outcome"] == "completed" else f"{stated['outcome']}: {stated['message']}"
+
 
 READ = 0.2
 """Seconds in which an order is read off, about."""

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -69,17 +69,7 @@ def distort(
             if case.scene == scene.text
         }
         for family in families:
-            pairs = {
-                method.name: [
-                    Pair(
-                        severity,
-                        *(found[case] for case in cases_of(scene, method, family, severity)),
-                        *(found[case] for case in cases_of(scene, method, family, family.none)),
-                    )
-                    for severity in family.severities
-                ]
-                for method in methods
-            }
+            pairs = {method.name: _pairs(scene, method, family, found) for method in methods}
             chapters.append(chapter_of(scene, family, methods, pairs))
             sentences.append(sentence_of(scene, family, methods, pairs))
         rows += found.values()
@@ -91,6 +81,18 @@ def distort(
         findings=tuple(sentences),
         chapters=tuple(chapters),
     )
+
+
+def _pairs(scene: Scene, method: Method, family: Family, found: Mapping[Case, Row]) -> list[Pair]:
+    """The runs of each severity beside those of the undistorted mesh."""
+    return [
+        Pair(
+            severity,
+            *(found[case] for case in cases_of(scene, method, family, severity)),
+            *(found[case] for case in cases_of(scene, method, family, family.none)),
+        )
+        for severity in family.severities
+    ]
 
 
 def _known(scene: Scene, coarse: Answer, fine: Answer, level: AccuracyLevel) -> float:

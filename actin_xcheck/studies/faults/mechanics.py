@@ -1,15 +1,20 @@
-"""Faults of the constitutive laws, the force balance and its closures: one code, lent to finite volumes."""
+"""Faults of the constitutive laws, the force balance and its closures.
 
+Those of the elements are in one code, lent to finite volumes; those of the finite volumes' own balance are
+each in one code, so that the other one must show it.
+"""
+
+from copy import copy
 from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.core.model import Array, Closure, Model
 from actin_xcheck.studies.faults.fault import Fault, Function
 
-_BALANCE = "fem.force_balance:ForceBalance"
+_FEM_BALANCE = "fem.force_balance:ForceBalance"
 _MODEL = "actin_xcheck.core.model:Model"
 
 
@@ -73,7 +78,7 @@ def _per_node(right: Function, self: Any, x: Array) -> tuple[Array, Array]:
     return rigid, rigid
 
 
-FAULTS = (
+OF_ELEMENTS = (
     Fault(
         "rim-integral-sign",
         "The boundary integral of f w·n enters the force balance with the wrong sign.",
@@ -141,14 +146,14 @@ FAULTS = (
         "elasticity-forgotten",
         "A viscoelastic network forgets its displacement, as a viscous one does.",
         "both",
-        f"{_BALANCE}.displacement",
+        f"{_FEM_BALANCE}.displacement",
         _forgotten,
     ),
     Fault(
         "mesh-frozen",
         "Nodes stay where they are, whatever their velocity.",
         "both",
-        f"{_BALANCE}.advance",
+        f"{_FEM_BALANCE}.advance",
         _frozen,
     ),
     Fault(
@@ -183,7 +188,133 @@ FAULTS = (
         "gauge-per-node",
         "The load of a free cell is balanced by a force per node in place of a force per area.",
         "both",
-        f"{_BALANCE}.rigid",
+        f"{_FEM_BALANCE}.rigid",
         _per_node,
     ),
 )
+
+
+_FV_BALANCE = "fv.mechanics:FvForceBalance"
+
+
+class _Rounded(Model):
+    """The pressure with 0.6 in place of 2/pi."""
+
+    def pressure(self, a: Array, phi: Array, delta: Array | float) -> Array:
+        return super().pressure(a, phi, 0.3 * np.pi * delta)
+
+
+class _NegativeBulk(Model):
+    """The elastic stress with -nu' in place of nu'."""
+
+    def elastic_moduli(self) -> tuple[float, float]:
+        one, nu_prime = super().elastic_moduli()
+        return one, -nu_prime
+
+
+def _with_model(right: Function, self: Any, model: Model, *arguments: Any) -> Any:
+    other = copy(self)
+    other.model = model
+    return right(other, *arguments)
+
+
+def _unsaturated(right: Function, self: Any, *arguments: Any) -> Any:
+    parameters = replace(self.model.parameters, a_sat=1e9)
+    return _with_model(right, self, replace(self.model, parameters=parameters), *arguments)
+
+
+def _rounded(right: Function, self: Any, *arguments: Any) -> Any:
+    return _with_model(right, self, _Rounded(**vars(self.model)), *arguments)
+
+
+def _negative_bulk(right: Function, self: Any, *arguments: Any) -> Any:
+    return _with_model(right, self, _NegativeBulk(**vars(self.model)), *arguments)
+
+
+def _inside_out(right: Function, self: Any, *arguments: Any) -> None:
+    right(self, *arguments)
+    self.delta = 1 - self.delta
+
+
+def _exchanged(right: Function, self: Any, moduli: tuple[float, float]) -> Array:
+    return np.asarray(right(self, moduli[::-1]))
+
+
+def _faces_along_the_current_rim(right: Function, self: Any, closure: Closure, faces: Any) -> None:
+    right(self, Closure.CURRENT_NORMAL if closure is Closure.REFERENCE_NORMAL else closure, faces)
+
+
+OF_VOLUMES = (
+    Fault(
+        "fv-saturation-ignored",
+        "The finite volumes' force balance ignores a_sat.",
+        "fv",
+        f"{_FV_BALANCE}.loads",
+        _unsaturated,
+    ),
+    Fault(
+        "fv-pressure-rounded",
+        "The finite volumes' pressure has 0.6 in place of 2/π.",
+        "fv",
+        f"{_FV_BALANCE}.loads",
+        _rounded,
+    ),
+    Fault(
+        "fv-bulk-negative",
+        "The finite volumes' elastic stress has −ν′ in place of ν′.",
+        "fv",
+        f"{_FV_BALANCE}.loads",
+        _negative_bulk,
+    ),
+    Fault(
+        "fv-ring-inside-out",
+        "The finite volumes polymerise within the ring in place of beyond it.",
+        "fv",
+        f"{_FV_BALANCE}.__init__",
+        _inside_out,
+    ),
+    Fault(
+        "fv-rim-load-dropped",
+        "The rim's faces of the finite volumes are pulled from within and not pushed from without.",
+        "fv",
+        f"{_FV_BALANCE}._on_rim",
+        _nothing,
+    ),
+    Fault(
+        "fv-viscosities-swapped",
+        "μ₁ and μ₂ change places in the part of the traction that vertex values make.",
+        "fv",
+        "fv.stress:Diamonds.cross",
+        _exchanged,
+    ),
+    Fault(
+        "fv-cross-dropped",
+        "The part of the traction that vertex values make is left out: two points alone.",
+        "fv",
+        "fv.stress:Diamonds.cross",
+        _nothing,
+    ),
+    Fault(
+        "fv-elasticity-forgotten",
+        "A viscoelastic network of finite volumes forgets its displacement.",
+        "fv",
+        f"{_FV_BALANCE}.displacement",
+        _forgotten,
+    ),
+    Fault(
+        "fv-rim-direction-current",
+        "The rim's faces and vertices of the finite volumes move along its current normal.",
+        "fv",
+        "fv.boundary:Ties.__init__",
+        _faces_along_the_current_rim,
+    ),
+    Fault(
+        "fv-wall-friction-dropped",
+        "The wall has no friction for the finite volumes.",
+        "fv",
+        "fv.system:System._friction",
+        _nothing,
+    ),
+)
+
+FAULTS = (*OF_ELEMENTS, *OF_VOLUMES)

@@ -8,8 +8,7 @@ from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Chapter, Exhibit, Sheet
 from actin_xcheck.runs.spectra import discrete_rates, discrete_threshold
 from actin_xcheck.studies.study import Report, Study, Task
-from actin_xcheck.studies.theory.curves import pictures, plots
-from actin_xcheck.studies.theory.regions import CELLS, delta_sheet, map_of, versions
+from actin_xcheck.studies.theory.figures import CELLS, delta_sheet, map_of, pictures, plots, versions
 from actin_xcheck.theory.errata import TABLE_4_PRINTED, errata
 from actin_xcheck.theory.exact import DiskModes, lowest, threshold
 
