@@ -3,7 +3,7 @@
 import os
 from math import nan
 
-from actin_xcheck.runs.executor import Lost
+from actin_xcheck.runs.processes import Lost
 from actin_xcheck.studies.compare import FILE_NAME, RunRow
 from actin_xcheck.studies.study import Report, Table, carry_out, counted, write_report
 

@@ -20,7 +20,7 @@ from actin_xcheck.cli.run import run_command
 from actin_xcheck.cli.sweep import sweep_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.core.signals import ending_signals
-from actin_xcheck.runs.executor import end_all
+from actin_xcheck.runs.processes import end_all
 
 app = typer.Typer(
     add_completion=False,
