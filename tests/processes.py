@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.runs.executor import Lost
+from actin_xcheck.runs.processes import Lost
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs kills, limits or links that only POSIX has")
 

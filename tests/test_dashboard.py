@@ -25,7 +25,7 @@ from actin_xcheck.nightly.record import (
     read_night,
     write_night,
 )
-from actin_xcheck.runs.executor import Lost
+from actin_xcheck.runs.processes import Lost
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
 from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints

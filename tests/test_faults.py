@@ -10,13 +10,12 @@ import pytest
 
 from actin_xcheck.cli.app import main, report_command
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.executor import executor, in_turn
+from actin_xcheck.runs.executor import executor, in_turn, work_off
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.runs.workers import work_off
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.checks import SUITE, Compared, Reduced
 from actin_xcheck.studies.faults import hunt as hunting

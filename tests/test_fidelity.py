@@ -6,14 +6,13 @@ import pytest
 from actin_xcheck.cli.app import main
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.accuracy import change
-from actin_xcheck.runs.fidelity import Fidelity, reduced
+from actin_xcheck.runs.fidelity import Fidelity, reduced, symmetry_of
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
-from actin_xcheck.scene.symmetry import symmetry_of
 from tests.lab import scene_of
 
 P3, PAPER, FV = METHODS["fem-p3-imex4"], METHODS["fem-p1-paper"], METHODS["fv-coupled"]

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from actin_xcheck.report.film import film_strip
-from actin_xcheck.report.player import STEPS, _Store, film_data
+from actin_xcheck.report.film import STEPS, _Store, film_data, film_strip
 from actin_xcheck.runs.store import Run
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.executor import ATTEMPTS, cores
+from actin_xcheck.runs.executor import cores, work_off
+from actin_xcheck.runs.processes import ATTEMPTS
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.runs.workers import work_off
 from tests.ending import killed_often, raises_after, told
 from tests.processes import wait_until
 

@@ -16,10 +16,10 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.carry_out import ended
 from actin_xcheck.nightly.items import Checked, Control, Diluted, Group, control, group_of
 from actin_xcheck.nightly.plan import suite
-from actin_xcheck.runs.executor import Lost
 from actin_xcheck.runs.executor import in_turn as in_this_process
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.processes import Lost
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.checks import Compared

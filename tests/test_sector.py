@@ -13,10 +13,10 @@ from actin_xcheck.core.model import Closure, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import polarity
 from actin_xcheck.core.outcome import Ending
+from actin_xcheck.runs.fidelity import departure
 from actin_xcheck.runs.method import METHODS, load
 from actin_xcheck.scene.resolve import mesh_of, resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.scene.symmetry import departure
 from fem import boundary
 from fem.force_balance import ForceBalance
 from fem.reduced.sector import Unfolded

@@ -17,9 +17,10 @@ import actin_xcheck
 from actin_xcheck.cli.output import SweepAnswer
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs import executor as executors
-from actin_xcheck.runs.executor import ATTEMPTS, Lost, executor
+from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.numerics import Wanted
+from actin_xcheck.runs.processes import ATTEMPTS, Lost
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.sweep import study as sweeping
 from actin_xcheck.studies.sweep.plan import points_of

@@ -17,10 +17,9 @@ from actin_xcheck.cli.nightly import nightly_command
 from actin_xcheck.cli.options import Json, print_table
 from actin_xcheck.cli.render import export_command, render_command
 from actin_xcheck.cli.run import run_command
-from actin_xcheck.cli.sweep import sweep_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.core.signals import ending_signals
-from actin_xcheck.runs.executor import end_all
+from actin_xcheck.runs.processes import end_all
 
 app = typer.Typer(
     add_completion=False,
@@ -37,7 +36,7 @@ app.command("run")(run_command)
 app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
 app.command("chart")(studies.chart)
-app.command("sweep")(sweep_command)
+app.command("sweep")(studies.sweep_command)
 app.command("render")(render_command)
 app.command("export")(export_command)
 app.command("frontier")(studies.frontier)

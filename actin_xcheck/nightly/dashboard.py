@@ -22,7 +22,8 @@ from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, NotRun, nig
 from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.film import on_triangles
-from actin_xcheck.runs.workers import Report, work_off
+from actin_xcheck.runs.executor import work_off
+from actin_xcheck.runs.processes import Report
 from actin_xcheck.studies.compare import read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.faults.catalogue import FAULTS

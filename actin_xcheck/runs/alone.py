@@ -8,8 +8,8 @@ from contextlib import closing
 from multiprocessing.util import get_temp_dir
 from typing import Any, TypeVar
 
-from actin_xcheck.runs.executor import Lost, Processes, Report
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.processes import Lost, Processes, Report
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

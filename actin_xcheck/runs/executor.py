@@ -1,41 +1,28 @@
-"""One seam to processes, of this machine or of a cluster: results of tasks as they come.
+"""One seam to processes, of this machine or of a cluster: results of tasks, as they come or in their order.
 
-A task whose process ends (killed, out of memory, a machine that is gone) is given to another one; after
-`ATTEMPTS` such ends it is `Lost`, and the others go on.  Processes end when the one that started them does.
+A task whose process ends (killed, out of memory, a machine that is gone) is given to another one, see
+`processes`; a cluster's scheduler does as much for its workers.
 """
 
-import ctypes
 import logging
-import multiprocessing
 import os
-import pickle
-import signal
-import sys
-import threading
 import time
-import traceback
-from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection, wait
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.runs.processes import Lost, Processes, Report, portable
 
 if TYPE_CHECKING:
     from distributed import Client
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-
-Report = Callable[[str, int, int], None]
-"""Called with a label, parts done and parts in all."""
-
-ATTEMPTS = 3
-"""Processes that may end under a task; one more would most likely end under it too."""
 
 _ANSWER = 6.0
 """Seconds that a scheduler may take to answer."""
@@ -45,27 +32,6 @@ ALONE = 60.0
 
 _PAUSE = 0.05
 """Seconds between two looks at what has come."""
-
-_DEATH_SIGNAL = 1
-"""PR_SET_PDEATHSIG of prctl(2)."""
-
-_TIMES = 50
-"""How often a task's progress is passed on, about."""
-
-
-@dataclass(frozen=True)
-class Lost:
-    """In place of a result: every process that was given the task has ended.
-
-    Attributes
-    ----------
-    message : how, a sentence.
-    killed : whether something from outside ended it (a signal, no memory, a machine that is gone), which says
-        nothing about the task.
-    """
-
-    message: str
-    killed: bool = True
 
 
 class Executor(Protocol):
@@ -186,190 +152,54 @@ class _InTurn:
         yield from ((number, work(task)) for number, task in enumerate(tasks))
 
 
-class Processes:
-    """Those of this machine, each with a pipe of its own: one that ends takes no other's task with it.
-
-    They are started when there is work for them, and wait for more with all that they have loaded.
+def work_off(
+    work: Callable[[Task, Report], Result],
+    tasks: Sequence[Task],
+    report: Report,
+    name: Callable[[Task], str],
+) -> list[Result]:
+    """Return the results of `work` on every task, in their order.
 
     Parameters
     ----------
-    jobs : how many.
-    report : told of the tasks' progress; `work` is then handed a Report of its own beside each task.
-    context : how they are started, of `multiprocessing`; None: afresh.
-    attempts : see `ATTEMPTS`.
+    work : a module's function; it is handed a task and a Report of its own.
+    tasks : picklable; the first are started first, so those that take longest should stand there.
+    report : told of the tasks' progress, in this process.
+    name : what a task is called where its processes end.
+
+    Raises whatever `work` raises, after the others have finished, or UserError where every process that was
+    given a task has ended; an interrupt ends the processes at once.
     """
-
-    def __init__(
-        self, jobs: int, report: Report | None = None, context: Any = None, attempts: int = ATTEMPTS
-    ) -> None:
-        self._jobs, self._report, self._attempts = jobs, report, attempts
-        self._context = context or multiprocessing.get_context("spawn")
-        self._idle: list[_Process] = []
-
-    @property
-    def workers(self) -> int:
-        """As an `Executor`'s."""
-        return self._jobs
-
-    def results(
-        self, work: Callable[..., Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result | Lost]]:
-        """As an `Executor`'s."""
-        waiting, ends = deque(range(len(tasks))), Counter[int]()
-        busy: dict[Connection, tuple[int, _Process]] = {}
-
-        def begin() -> None:
-            while waiting and len(busy) < self._jobs:
-                process = self._begin(work, tasks[waiting[0]])
-                busy[process.pipe] = waiting.popleft(), process
-
-        try:
-            begin()
-            while busy:
-                for pipe in wait(list(busy)):
-                    number, process = busy[pipe]  # type: ignore[index]
-                    kind, said = process.hear()
-                    if kind == "told":
-                        assert self._report is not None
-                        self._report(*said)
-                        continue
-                    del busy[process.pipe]
-                    if kind == "lost":
-                        process.end()
-                        ends[number] += 1
-                        if ends[number] < self._attempts:
-                            waiting.appendleft(number)
-                            begin()
-                            continue
-                        said = replace(said, message=said.message + _times(self._attempts))
-                    else:
-                        self._idle.append(process)
-                    if kind == "raised":
-                        raise said
-                    begin()  # before the caller sees to the result, for which no process has to wait
-                    yield number, said
-        finally:
-            for _, process in busy.values():  # an interrupt or a mistake: nobody waits for these
-                process.end()
-
-    def close(self) -> None:
-        """End the processes."""
-        while self._idle:
-            self._idle.pop().end()
-
-    def _begin(self, work: Callable[..., Any], task: object) -> "_Process":
-        """Hand a task to a process that is idle, or to a new one."""
-        given = work, task, self._report is not None
-        while self._idle:
-            process = self._idle.pop()
-            try:
-                process.pipe.send(given)
-            except OSError:  # it ended while it had nothing to do
-                process.end()
-                continue
-            return process
-        process = _Process(self._context)
-        with suppress(OSError):  # one that ends at once is heard of as others are
-            process.pipe.send(given)
-        return process
+    if IN_TURN.get():
+        return [work(task, report) for task in tasks]
+    with closing(Processes(min(len(tasks), cores()), report)) as processes:
+        found = dict(processes.results(partial(_tried, work), tasks))
+    results: list[Result] = []
+    for number in range(len(tasks)):
+        result = found[number]
+        if isinstance(result, _Raised):
+            raise result.error
+        if not isinstance(result, Lost):
+            results.append(result)
+    lost = [f"{name(tasks[i])}: {one.message}" for i, one in sorted(found.items()) if isinstance(one, Lost)]
+    if lost:
+        raise UserError(f"{'; '.join(lost)}; what was finished is kept; valid: the same command again")
+    return results
 
 
-def _times(attempts: int) -> str:
-    return f", {attempts} times" if attempts > 1 else ""
+@dataclass(frozen=True)
+class _Raised:
+    """In place of a result: what was raised."""
+
+    error: Exception
 
 
-class _Process:
-    """A process that does one task after another."""
-
-    def __init__(self, context: Any) -> None:
-        self.pipe, away = context.Pipe()
-        self._process = context.Process(target=_serve, args=(away,))
-        self._process.start()
-        away.close()
-
-    def hear(self) -> tuple[str, Any]:
-        """What it says next: "told", "done" or "raised" and what; "lost" and a Lost where it has ended."""
-        try:
-            kind, said = self.pipe.recv()
-        except (EOFError, OSError):
-            self._process.join()
-            return "lost", how_ended(self._process.exitcode)
-        return kind, said
-
-    def end(self) -> None:
-        """End it at once, whatever it does."""
-        self.pipe.close()
-        self._process.kill()
-        self._process.join()
-
-
-def how_ended(code: int) -> Lost:
-    """How a process ended, by its exit code: signals come from outside, but for those of its own faults."""
-    own = {getattr(signal, name, None) for name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")}
-    if code >= 0:
-        return Lost(f"its process ended with exit code {code}", False)
-    number = signal.Signals(-code)
-    memory = ", or the system out of memory" if number.name == "SIGKILL" else ""
-    return Lost(f"its process was ended by {number.name} (by somebody{memory})", number not in own)
-
-
-def _serve(pipe: Connection) -> None:
-    """In a process: do what comes through the pipe, and send home what comes of it."""
-    end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's: the one that started this process ends it
-    while True:
-        try:
-            work, task, tells = pipe.recv()
-        except EOFError:
-            return
-        try:
-            pipe.send(("done", work(task, _reporting(pipe)) if tells else work(task)))
-        except Exception as error:
-            pipe.send(("raised", portable(error)))
-
-
-def _reporting(pipe: Connection) -> Report:
-    """A Report that sends what it is told home, now and then."""
-    parts: dict[str, int] = {}
-
-    def report(label: str, done: int, total: int) -> None:
-        if parts.get(label) != (part := _TIMES * done // max(total, 1)):
-            parts[label] = part
-            pipe.send(("told", (label, done, total)))
-
-    return report
-
-
-def portable(error: Exception) -> Exception:
-    """The error with a note of where it was raised; what it says, where it does not survive the way home."""
-    error.add_note(traceback.format_exc())
+def _tried(work: Callable[[Task, Report], Result], task: Task, report: Report) -> Result | _Raised:
+    """In a process: an error is a result, so that the others go on."""
     try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
-
-
-def end_with_parent() -> None:
-    """In a process: a parent that is killed says nothing, and its children would work or wait for ever.
-
-    Linux ends it at once; elsewhere it is a thread of its own that does, once imports and long calls let it.
-    """
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
-    if parent := multiprocessing.parent_process():
-
-        def follow() -> None:
-            parent.join()
-            os._exit(1)
-
-        threading.Thread(target=follow, daemon=True).start()
-
-
-def end_all() -> None:
-    """End every process that this one has started and that is still there."""
-    for child in multiprocessing.active_children():
-        child.kill()
+        return work(task, report)
+    except Exception as error:
+        return _Raised(portable(error))
 
 
 class _Cluster:

@@ -1,6 +1,6 @@
 """Imported in the process from which others are forked, and nowhere else: it ends with its parent."""
 
-from actin_xcheck.runs.executor import end_with_parent
+from actin_xcheck.runs.processes import end_with_parent
 from actin_xcheck.runs.version import code
 
 end_with_parent()

@@ -27,7 +27,8 @@ from actin_xcheck.core.unnamed import Unnamed
 from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.alone import prepare, work_alone
-from actin_xcheck.runs.executor import Executor, Lost, portable
+from actin_xcheck.runs.executor import Executor
+from actin_xcheck.runs.processes import Lost, portable
 from actin_xcheck.runs.records import read_table, write_table
 from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code

@@ -1,4 +1,4 @@
-// The film of a scene: two runs and their difference on canvases, from what report/player.py packed.
+// The film of a scene: two runs and their difference on canvases, from what report/film.py packed.
 "use strict";
 {
   const STEPS = 65534, INTERVAL = 900, LEVELS = 256, OUTLINE = "#8a8f98";
