@@ -56,7 +56,7 @@ class ReportAnswer(Answer):
 
     command: Literal[
         "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
-        "predict report", "report",
+        "random", "predict report", "report",
     ]  # fmt: skip
     page: str
     verdicts: dict[str, int] = {}
