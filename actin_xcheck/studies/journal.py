@@ -145,8 +145,8 @@ def key_of(work: Callable[..., Any], asked: str) -> str:
 def _module_code(module: str) -> str:
     """A digest of a module that `code` does not know: a user's study."""
     file = getattr(sys.modules.get(module), "__file__", None)
-    known = module.split(".")[0] in SOURCES or not file
-    return "" if known else hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    known = file is None or module.split(".")[0] in SOURCES
+    return "" if known else hashlib.sha256(Path(str(file)).read_bytes()).hexdigest()
 
 
 def stated(ask: Any) -> str:
