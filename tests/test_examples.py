@@ -16,6 +16,7 @@ from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
+from actin_xcheck.runs.version import code
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
@@ -82,6 +83,13 @@ def test_a_method_of_a_package_is_found_and_its_solver_is_not_imported(toy):
     assert "toy_method.solver" not in sys.modules
     assert TOY not in METHODS  # what is done with every method of ours is not done with it
     refused("toy", "'toy' is not a method", "fem-p1-paper", TOY)
+
+
+def test_a_method_that_has_changed_is_other_code(tmp_path, monkeypatch):
+    install(tmp_path, monkeypatch, "mine", "mine-one", "mine_module:METHOD", mine_module="1/0")
+    before = code.__wrapped__()
+    (tmp_path / "mine_module.py").write_text("2/0")
+    assert code.__wrapped__() != before
 
 
 def test_a_package_is_not_imported_for_the_methods_of_another(tmp_path, monkeypatch):

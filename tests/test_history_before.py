@@ -205,6 +205,13 @@ def test_a_comparison_of_before_is_refused_with_what_makes_it_again(tmp_path):
     Journal(tmp_path, "compare")
 
 
+def test_a_chart_of_before_is_refused_with_what_makes_it_again(tmp_path):
+    with writing(tmp_path / "chart.h5", {"command": "python -m actin_xcheck chart stirred"}):
+        pass
+    with pytest.raises(UserError, match=r"earlier version; valid: python -m actin_xcheck chart stirred, w"):
+        report_command(tmp_path)
+
+
 def test_the_report_of_a_study_of_before_has_its_claims(tmp_path):
     with h5py.File(tmp_path / "study.h5", "w") as file:
         write_table(file.create_group("claims"), [AREA, claim("all is well")])

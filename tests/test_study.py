@@ -1,5 +1,7 @@
 """How every study is carried out, on one that is small enough to be looked through."""
 
+import errno
+import importlib
 import json
 import sqlite3
 import subprocess
@@ -9,10 +11,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from actin_xcheck.cli import conduct
+from actin_xcheck.core import files
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
@@ -25,7 +29,7 @@ from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies import study as studies
 from actin_xcheck.studies.page import write_page
-from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, counted, study_file
+from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, at_work, counted, study_file
 from tests.claims import claim
 from tests.processes import InTurn, cluster
 from tests.studies import carry
@@ -108,6 +112,46 @@ def test_answers_of_other_code_are_not_taken_up(tmp_path, monkeypatch):
     monkeypatch.setattr(journal, "code", lambda: "another digest")
     carry(tmp_path, squares([1]))
     assert made(tmp_path) == [1, 101, 1, 101]
+
+
+def test_answers_of_a_study_of_ones_own_are_not_taken_up_when_it_has_changed(tmp_path, monkeypatch):
+    (tmp_path / "own_study.py").write_text("def work(): ...\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    work = importlib.import_module("own_study").work
+    keys = []
+    for line in ("", "", "# changed\n"):
+        with (tmp_path / "own_study.py").open("a") as file:
+            file.write(line)
+        journal._module_code.cache_clear()
+        keys.append(journal.key_of(work, "1"))
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_a_file_of_others_is_in_nobodys_way_and_not_written_over(tmp_path):
+    for name in ("film.h5", "cubes.h5"):
+        with h5py.File(tmp_path / name, "w") as file:
+            file["x"] = 1.0
+    with at_work(tmp_path, force=True):
+        carry(tmp_path, squares([1]))
+    journal_file = tmp_path / "journal.sqlite"
+    journal_file.unlink()
+    (tmp_path / "squares.h5").unlink()
+    with pytest.raises(UserError, match=r"cubes\.h5 is no report; valid: another folder"):
+        carry(tmp_path, squares([1]), name="cubes")
+    assert (tmp_path / "film.h5").exists()
+
+
+def test_a_study_has_its_folder_to_itself_where_there_are_no_locks(tmp_path, monkeypatch):
+    def none(*_):
+        raise OSError(errno.ENOLCK, "none")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    monkeypatch.setattr(files, "flock", none)
+    monkeypatch.setattr(files, "_PATIENCE", 0.1)
+    with at_work(tmp_path):
+        carry(tmp_path, squares([1]))
+        with pytest.raises(UserError, match="another process is writing it"), at_work(tmp_path):
+            pass
 
 
 def leave(number: int, folder: Path) -> Square:

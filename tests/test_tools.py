@@ -195,8 +195,8 @@ def test_a_cross_check_is_the_commands(tmp_path: Path) -> None:
 
 def test_a_cross_check_waits_for_nobody(tmp_path: Path) -> None:
     with (
-        locked(tmp_path / "journal.sqlite"),
-        pytest.raises(UserError, match=r"journal.sqlite: another process is writing it"),
+        locked(tmp_path / "index.html"),
+        pytest.raises(UserError, match=r"index.html: another process is writing it"),
     ):
         actin_xcheck.cross_check("static-decay", out=tmp_path)
 

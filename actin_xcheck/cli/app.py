@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -100,17 +101,18 @@ def _pages() -> dict[str, Callable[[Path], Path]]:
     from actin_xcheck.nightly.record import FILE_NAME as NIGHT_FILE
 
     return {
-        "comparison.h5": _earlier_comparison,
+        "comparison.h5": partial(_earlier, "comparison.h5"),
+        "chart.h5": partial(_earlier, "chart.h5"),
         NIGHT_FILE: write_night_page,
     }
 
 
-def _earlier_comparison(folder: Path) -> Path:
+def _earlier(name: str, folder: Path) -> Path:
     """UserError: what made it makes it again, as it is kept now."""
     from actin_xcheck.runs.store import reading
 
-    with reading(file := folder / "comparison.h5", "comparison") as stored:
-        command = stored.attrs.get("command", "actin_xcheck compare")
+    with reading(file := folder / name, "report") as stored:
+        command = stored.attrs.get("command", "the command that made it")
     raise UserError(f"{file}: of an earlier version; valid: {command}, with --force or into another folder")
 
 

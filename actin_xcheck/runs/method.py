@@ -195,6 +195,11 @@ def find_methods(names: Iterable[str]) -> list[Method]:
     return [find_method(name) for name in dict.fromkeys(names)]
 
 
+def packages_of_methods() -> list[str]:
+    """The top-level modules of other packages' methods, which are not imported for it."""
+    return sorted({one.module.split(".")[0] for one in _entry_points()})
+
+
 def _entry_points(name: str | None = None) -> "list[EntryPoint]":
     """Those of our group, or of a name in it, one for each place: an editable install is found twice."""
     from importlib.metadata import entry_points  # takes a while, which help need not wait for

@@ -8,9 +8,11 @@ come in.
 import hashlib
 import json
 import sqlite3
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,7 @@ import h5py
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
 from actin_xcheck.runs.records import read_record, write_record
-from actin_xcheck.runs.version import code
+from actin_xcheck.runs.version import SOURCES, code
 from actin_xcheck.scene.scene import Scene
 
 FILE_NAME = "journal.sqlite"
@@ -38,9 +40,12 @@ class Journal:
 
     def __init__(self, folder: Path, study: str) -> None:
         self.path = folder / FILE_NAME
-        others = sorted(file.name for file in folder.glob("*.h5"))
-        if others and not self.path.exists():
-            raise UserError(f"--out: {folder} holds {others[0]} already; valid: another folder, or --force")
+        if not self.path.exists():
+            if others := reports_in(folder):
+                said = f"--out: {folder} holds {others[0].name} already"
+                raise UserError(f"{said}; valid: another folder, or --force")
+            if (folder / f"{study}.h5").exists():
+                raise UserError(f"--out: {folder}/{study}.h5 is no report; valid: another folder")
         with self._open() as rows:
             rows.execute("BEGIN IMMEDIATE")
             rows.execute("CREATE TABLE IF NOT EXISTS study (name TEXT)")
@@ -111,10 +116,37 @@ class Journal:
             raise UserError(f"{self.path}: not a journal that can be written ({error})") from error
 
 
+def files_in(folder: Path) -> list[tuple[Path, set[str] | None]]:
+    """Files that may be reports, with the names of what each states; None where it cannot be opened."""
+    found: list[tuple[Path, set[str] | None]] = []
+    for path in sorted(path for path in Path(folder).glob("*.h5") if path.is_file()):
+        try:
+            with h5py.File(path) as file:
+                found.append((path, set(file.attrs)))
+        except Exception:  # the library has its own for every way in which a file can be damaged
+            found.append((path, None))
+    return found
+
+
+def reports_in(folder: Path) -> list[Path]:
+    """The reports in a folder, and what cannot be opened and may be one; other files of HDF5 are not."""
+    return [
+        path for path, stated_there in files_in(folder) if stated_there is None or "schema" in stated_there
+    ]
+
+
 def key_of(work: Callable[..., Any], asked: str) -> str:
     """The key of an answer: what is asked of which function of which code."""
-    text = json.dumps([work.__module__, work.__qualname__, asked, code()])
+    text = json.dumps([work.__module__, work.__qualname__, asked, code(), _module_code(work.__module__)])
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def _module_code(module: str) -> str:
+    """A digest of a module that `code` does not know: a user's study."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    known = file is None or module.split(".")[0] in SOURCES
+    return "" if known else hashlib.sha256(Path(str(file)).read_bytes()).hexdigest()
 
 
 def stated(ask: Any) -> str:

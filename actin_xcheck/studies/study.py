@@ -32,7 +32,9 @@ from actin_xcheck.runs.processes import Lost, portable
 from actin_xcheck.runs.records import read_table, write_table
 from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
-from actin_xcheck.studies.journal import FILE_NAME, Journal, key_of, stated
+from actin_xcheck.studies.journal import FILE_NAME, Journal, files_in, key_of, reports_in, stated
+
+PAGE = "index.html"
 
 Tell = Callable[[str, float, float], None]
 """Told of a label, seconds of work that are over, and seconds in all, as they were expected."""
@@ -162,7 +164,7 @@ def report_of(
 ) -> Report:
     """Carry a study out, see `carry_out`, and return its report, to be written to a file of another kind."""
     journal = Journal(folder, name)
-    (folder / "index.html").unlink(missing_ok=True)  # none must stand beside what it is not made of
+    (folder / PAGE).unlink(missing_ok=True)  # none must stand beside what it is not made of
     return answered(study, _Course(journal, folder, processes, alone, tell, name).answers)
 
 
@@ -176,7 +178,7 @@ def carry_out_here(name: str, study: Study, folder: Path, command: str) -> Repor
 @contextmanager
 def at_work(folder: Path, force: bool = False) -> Iterator[None]:
     """Have a study's folder to oneself; with `force`, begin anew.  UserError where another process has it."""
-    with locked(folder / FILE_NAME):
+    with locked(folder / PAGE):  # not the journal: without locks of the system, each look into that takes one
         if force:
             begin_anew(folder)
         yield
@@ -185,28 +187,15 @@ def at_work(folder: Path, force: bool = False) -> Iterator[None]:
 def begin_anew(folder: Path) -> None:
     """Remove the answers that a folder has, and the reports; what else lies there stays."""
     (folder / FILE_NAME).unlink(missing_ok=True)
-    for path, stated_there in _files(folder):
-        if stated_there is None or "schema" in stated_there:
-            path.unlink()
+    for path in reports_in(folder):
+        path.unlink()
 
 
 def study_file(folder: Path) -> Path | None:
     """The file of a study in a folder, or one that cannot be opened and may be it; None without either."""
-    files = _files(folder)
+    files = files_in(folder)
     studies = [path for path, stated_there in files if "study" in (stated_there or ())]
     return next(iter([*studies, *(path for path, stated_there in files if stated_there is None)]), None)
-
-
-def _files(folder: Path) -> list[tuple[Path, set[str] | None]]:
-    """Files that may be reports, with the names of what each states; None where it cannot be opened."""
-    found: list[tuple[Path, set[str] | None]] = []
-    for path in sorted(path for path in Path(folder).glob("*.h5") if path.is_file()):
-        try:
-            with h5py.File(path) as file:
-                found.append((path, set(file.attrs)))
-        except Exception:  # the library has its own for every way in which a file can be damaged
-            found.append((path, None))
-    return found
 
 
 def answered(study: Study, answers_to: Callable[[Sequence[Task]], list[Any]]) -> Report:
