@@ -32,7 +32,7 @@ def complaints(tab: Page, page: Path) -> list[str]:
 
     for event, listener in hear.items():
         tab.on(event, listener)
-    tab.goto(page.as_uri())
+    tab.goto(page.as_uri(), timeout=1e5)  # ms, on a machine that does other things too
     drawn(tab)
     for event, listener in hear.items():
         tab.remove_listener(event, listener)

@@ -148,7 +148,6 @@ def test_a_wrong_scene_is_one_line_and_nothing_is_written(change, parts, tmp_pat
         (["run", "stirred", "--method", "fv-coupled", "--out", "x.h5"], ["x.h5", ".vtkhdf"]),
         (["run", "stirred", "--method", "fv-coupled", "--dt", "0", "--out", "x.vtkhdf"], ["--dt", "0"]),
         (["run", "stirred", "--method", "fv-coupled", "--dt", "nan", "--out", "x.vtkhdf"], ["--dt", "nan"]),
-        (["compare", "stirred", "stirred"], ["stirred"]),
         (["scenes", "show", "nothing.toml"], ["nothing.toml"]),
         (["report", "nowhere"], ["nowhere"]),
     ],

@@ -1,5 +1,6 @@
 """Convergence studies: the rules for orders, the plan of levels, the file, the page and the command."""
 
+import json
 from dataclasses import replace
 
 import h5py
@@ -256,7 +257,7 @@ def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
     assert np.isnan([error.error for error in errors]).any()
     endings = [error.ending for error in errors if error.ending]
     page = write_page(tmp_path / "converge.h5").read_text(encoding="utf-8")
-    assert "✕" in page
+    assert json.dumps("✕")[1:-1] in page  # in the figure's JSON
     assert endings[0].split(":")[0] in page
 
 

@@ -225,7 +225,7 @@ def test_everything_that_can_be_used_has_a_name(film: Page) -> None:
         if not node["ignored"]
         and node["role"]["value"] in {"button", "slider", "checkbox", "combobox", "image", "canvas"}
     ]
-    assert all(name for _, name in used)
+    assert all(name for _, name in used), used
     for expected in (
         ("button", "Play"),
         ("slider", "Output time"),

@@ -391,4 +391,4 @@ def test_a_comparison_keeps_its_triangles_and_shows_them_from_files_alone(tmp_pa
     assert kept.runs.keys() == {f"static-decay/{m}" for m in (FEM, FV)}
     page = write_comparison_page(kept.path).read_text(encoding="utf-8")
     assert page.count("all three agree") == 2 * len(stored)  # as a claim and beside its picture
-    assert page.count('figure class="exhibit plot"') == len(stored)
+    assert page.count('figure class="exhibit intervals"') == len(stored)
