@@ -92,7 +92,7 @@
   };
 
   const enhance = gd => {
-    for (const svg of gd.querySelectorAll("svg")) svg.setAttribute("aria-hidden", true); // keys read it, buttons have names
+    for (const svg of document.querySelectorAll(".main-svg, svg.icon, #js-plotly-tester")) svg.setAttribute("aria-hidden", true); // keys read charts
     gd.told = document.createElement("output");
     gd.append(gd.told);
     const keys = {
