@@ -141,6 +141,7 @@ AXES = """spans => spans.map(([log, low, high]) => {
 })"""
 
 
+@pytest.mark.nightly
 def test_every_axis_has_three_labels_that_are_its_numbers(tab: Page, tmp_path: Path) -> None:
     page = tmp_path / "index.html"
     page.write_text(page_with(Plot("k", "t", "", "x", (Line("l", X + 1, X + 1),))), encoding="utf-8")
