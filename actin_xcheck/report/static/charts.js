@@ -3,7 +3,7 @@
 // Colours that follow the reader's theme are set by style.css.
 "use strict";
 {
-  const INK = "#0d0e0f", GRID = "#d0d1d2", DIGITS = ".9~g", PAPER = 340;
+  const INK = "#0d0e0f", GRID = "#d0d1d2", DIGITS = ".9~g", PAPER = 340, MOST = 8, MOST_ON_LOG = 5;
   const touched = matchMedia("(pointer: coarse)").matches;
   const plain = html => new DOMParser().parseFromString(html, "text/html").body.textContent;
   const each = (gd, update) => Object.fromEntries(["xaxis", "yaxis"].filter(name => gd.layout[name].type !== "category")
@@ -11,7 +11,7 @@
 
   const AXIS = { automargin: true, ticks: "outside", ticklen: 4, tickcolor: "rgba(0,0,0,0)", gridcolor: GRID, zeroline: false, exponentformat: "e", hoverformat: DIGITS, tick0: 0 };
   const LAYOUT = {
-    autosize: true, minreducedheight: 30, dragmode: touched ? false : "zoom", paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
+    autosize: true, minreducedheight: 30, separators: ".", dragmode: touched ? false : "zoom", paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
     font: { size: 11, color: INK, family: getComputedStyle(document.body).fontFamily },
     hoverlabel: { align: "left", namelength: -1 }, modebar: { bgcolor: "rgba(0,0,0,0)", color: INK },
   };
@@ -21,16 +21,11 @@
       ["zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
 
-  const nice = most => {
-    const unit = 10 ** Math.floor(Math.log10(most));
-    return ([5, 2].find(one => one * unit <= most) ?? 1) * unit;
-  };
-  // Between labels, so that there are three at least.
+  // Between labels, so that there are three at least: plotly's own (up to MOST of them, three at least) but across
+  // decades.  A step in values would be kept for a while when all is shown again, which takes thousands of labels.
   const step = ({ type, range: [one, other] }) => {
-    const low = Math.min(one, other), high = Math.max(one, other), span = high - low;
-    if (type !== "log") return nice(span / 3);
-    if (span >= 3) return Math.floor(span / 3);
-    return span >= 1 ? "D2" : `L${nice((10 ** high - 10 ** low) / 3)}`;
+    const span = Math.abs(other - one);
+    return type !== "log" || !(span >= 1) ? null : span >= 3 ? Math.floor(span / 3) : "D2";
   };
   // Whole numbers between decades too, where plotly would write the digit alone.
   const format = ({ type, range }) => {
@@ -40,9 +35,9 @@
   const label = gd => {
     const update = {};
     for (const name of ["xaxis", "yaxis"]) {
-      const axis = gd.layout[name];
-      if (axis.tickvals || axis.type === "category" || axis.dtick === step(axis)) continue;
-      Object.assign(update, { [`${name}.dtick`]: step(axis), [`${name}.tickformat`]: format(axis) });
+      const axis = gd.layout[name], dtick = step(axis), tickformat = format(axis);
+      if (axis.tickvals || axis.type === "category" || ((axis.dtick ?? null) === dtick && axis.tickformat === tickformat)) continue;
+      Object.assign(update, { [`${name}.dtick`]: dtick, [`${name}.tickformat`]: tickformat, [`${name}.tickmode`]: dtick ? "linear" : "auto" });
     }
     const drag = Object.entries(each(gd, range => range)).some(([name, range]) => String(range) !== String(gd.home[name]));
     if (touched && gd.layout.dragmode !== (drag && "pan")) update.dragmode = drag && "pan";
@@ -63,7 +58,7 @@
     const named = data.filter(trace => trace.showlegend !== false && trace.name && trace.type === "scatter").map(trace => trace.name);
     const legend = (layout.showlegend ?? named.length > 1) ? 6 + 19 * rows(named, gd.clientWidth) : 0;
     for (const name of ["xaxis", "yaxis"])
-      layout[name] = { ...AXIS, ...layout[name], title: { standoff: 8, ...layout[name].title } };
+      layout[name] = { ...AXIS, nticks: layout[name]?.type === "log" ? MOST_ON_LOG : MOST, ...layout[name], title: { standoff: 8, ...layout[name].title } };
     gd.style.height = `${layout.height + legend}px`;
     Plotly.newPlot(gd, data, { ...LAYOUT, ...layout, showlegend: legend > 0, height: undefined,
       margin: { l: 8, r: 12, t: 8, b: 8 + legend, ...layout.margin },
