@@ -10,10 +10,9 @@ from actin_xcheck.cli.app import app
 from actin_xcheck.core.model import Closure
 from actin_xcheck.nightly.plan import suite
 from actin_xcheck.nightly.record import read_night
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading

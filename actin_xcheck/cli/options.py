@@ -14,7 +14,7 @@ import typer
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import IN_UNITS, far_from_the_article
-from actin_xcheck.runs.commands import typed
+from actin_xcheck.runs.numerics import typed
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -108,7 +108,7 @@ def _run(
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.outcome import Ending
     from actin_xcheck.core.signals import stop_signals
-    from actin_xcheck.runs.cost import run_seconds
+    from actin_xcheck.runs.numerics import run_seconds
     from actin_xcheck.runs.run import run
 
     label, reduction = f"{scene.name} · {numerics.method.name}", numerics.reduction

@@ -14,9 +14,8 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.nightly.record import Done, Kind, Number
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene

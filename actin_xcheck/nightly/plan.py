@@ -18,9 +18,9 @@ from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import STOPPED, Series, find_night, read_claims, read_nights, read_series
 from actin_xcheck.nightly.items import Checked, Control, Costed, Diluted, Item, night_long
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Kept, nights_in, write_night
-from actin_xcheck.runs.cost import KERNEL, seconds_of
 from actin_xcheck.runs.executor import cores
 from actin_xcheck.runs.method import METHODS, Method, find_method
+from actin_xcheck.runs.numerics import KERNEL, seconds_of
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES

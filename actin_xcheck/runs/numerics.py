@@ -1,12 +1,14 @@
 """Everything numerical about a run as one value: as it is asked for, as it is carried out, as it is typed."""
 
-from dataclasses import dataclass
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Mesh
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import FULL, Reduction, reduced
+from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS, Method, find_method
 from actin_xcheck.scene.scene import Scene
 
@@ -114,3 +116,76 @@ def suited(scene: Scene, refine: int | None = None, dt: float | None = None) -> 
             f"{scene.origin}: steps of {dt:g} up to {scene.time.end:g}; valid: {MOST_STEPS:g} steps"
         )
     return refine or published.refine or DEFAULT_REFINE, dt
+
+
+def typed(words: Sequence[str]) -> str:
+    """Return words as a shell takes them, with the program in front."""
+    return "python -m actin_xcheck " + shlex.join(words)
+
+
+def command(name: str, *what: str, **options: object) -> str:
+    """Return the command that makes something again.
+
+    Parameters
+    ----------
+    name, what : the command and what it is given without an option, as scenes.
+    options : by name.  None, False and nan leave one out, True is one without a value, a tuple stands for one
+        with each of its values; numbers are written to the last digit, so that the same bits come out.
+    """
+    words = [name, *what]
+    for option, given in options.items():
+        for value in given if isinstance(given, tuple) else (given,):
+            if value is None or value is False or value != value:
+                continue
+            words.append(f"--{option}")
+            if value is not True:
+                # a float of numpy says its type in its repr
+                words.append(repr(float(value)) if isinstance(value, float) else str(value))
+    return typed(words)
+
+
+KERNEL = 0.055
+"""Seconds that the reference kernel takes on the machine of which seconds are these."""
+
+STAGE = {"fem": (2.2e-3, 1e-5), "fv": (7e-3, 1.5e-5)}
+"""Seconds of a stage of a step, by the code of a method: on any mesh, and for each cell of a quarter of the
+disk; those of another package are taken to be as those of the finite elements."""
+
+SET_UP = 0.02, 1e-4
+"""Seconds of what comes before the steps, on any mesh and for each of these cells."""
+
+FIRST, LATER = 8, 0.035
+"""Steps of chosen size: those with which every run begins; and the rest over order^2 rtol^(-1/order)."""
+
+
+def seconds_of(method: Method, refine: int, steps: float) -> float:
+    """Seconds of so many steps on a mesh of 2**refine layers, set-up included, on one core."""
+    cells = 4.0**refine
+    fixed, per_cell = STAGE.get(method.family, STAGE["fem"])
+    step = max(method.order_dt, 1) * (fixed + per_cell * cells * method.space**3)
+    alone = SET_UP[0] + SET_UP[1] * cells * method.space**2 + steps * step
+    driver = seconds_of(find_method(method.driven_by), refine, steps) if method.driven_by else 0.0
+    return alone + driver
+
+
+def steps_of(numerics: Numerics, output_times: Sequence[float]) -> float:
+    """Steps that a run takes: about, where their size is chosen."""
+    if numerics.rtol is None:
+        return step_count(numerics.dt, output_times)
+    return chosen_steps(numerics.method, numerics.rtol)
+
+
+def chosen_steps(method: Method, rtol: float) -> float:
+    """Steps of which each makes a local error of at most rtol, about."""
+    order = method.order_dt
+    return FIRST + LATER * order**2 * rtol ** (-1 / order)
+
+
+def run_seconds(numerics: Numerics, output_times: Sequence[float]) -> float:
+    """Seconds of a run on one core: half a cell takes half as long, a ray or a few modes next to nothing."""
+    steps, reduction = steps_of(numerics, output_times), numerics.reduction
+    if reduction.fidelity is Fidelity.SECTOR:
+        return seconds_of(numerics.method, numerics.refine, steps) / 2
+    if reduction.fidelity is not Fidelity.FULL:
+        return seconds_of(replace(numerics.method, driven_by=None), 0, steps)
+    return seconds_of(numerics.method, numerics.refine, steps)

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import find_method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene

@@ -20,10 +20,9 @@ from actin_xcheck.core.files import make_folder, replace_file
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.accuracy import change
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import Method, find_method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene import draw

@@ -15,8 +15,8 @@ from actin_xcheck.core import lagrange
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import change
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from actin_xcheck.report.exhibits import Chapter, Exhibit
-from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.audit import figures, linear, model, scheme, stability, weak  # noqa: F401

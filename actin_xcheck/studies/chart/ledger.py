@@ -15,10 +15,9 @@ from actin_xcheck.core.contract import Problem, Solver
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Sheet
-from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, chosen_steps, seconds_of
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.resolve import mesh_of, resolve, turn_matrix
 from actin_xcheck.scene.scene import Scene

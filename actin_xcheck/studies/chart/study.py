@@ -9,9 +9,8 @@ import numpy as np
 
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.report.exhibits import Chapter, Sheet
-from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.method import METHODS, Method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.chart.ledger import Entry, ledger, ledger_sheet, ledger_tasks
 from actin_xcheck.studies.chart.measure import (

@@ -18,10 +18,9 @@ from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.cost import run_seconds, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, run_seconds, seconds_of
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.theory.ripples import ripple_exponent

@@ -11,7 +11,7 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
-from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.studies.converge.plan import Refined, Refinement, Truth
 from actin_xcheck.studies.study import Report, Study, Table, Task

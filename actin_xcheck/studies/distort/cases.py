@@ -15,11 +15,9 @@ from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta
 from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.runs.accuracy import AccuracyLevel
-from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import Method, find_method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, chosen_steps, command, seconds_of
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.distortion import (
     aspects,

@@ -15,12 +15,10 @@ from actin_xcheck.core.lagrange import rule
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.commands import command
-from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import March, Moment, checked_step
 from actin_xcheck.runs.method import METHODS, SHAPES, SOUNDNESS, Method, load
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, chosen_steps, command, seconds_of
 from actin_xcheck.runs.run import bind, solver_for
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import Scene, load_scene

@@ -9,8 +9,8 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
-from actin_xcheck.runs.commands import command
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import command
 from actin_xcheck.studies.extremes.attempt import BREAKDOWNS, Attempt, Trial, attempt
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 from actin_xcheck.verdicts.uncertainty import ELSEWHERE, uncertainty

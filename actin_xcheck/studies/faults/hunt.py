@@ -16,7 +16,7 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import starved
-from actin_xcheck.runs.commands import command
+from actin_xcheck.runs.numerics import command
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, there, watched
 from actin_xcheck.studies.study import Report, Study, Table, Task
 

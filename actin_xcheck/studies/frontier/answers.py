@@ -14,10 +14,9 @@ from actin_xcheck.core.contract import Probes
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel, estimated
-from actin_xcheck.runs.cost import chosen_steps, seconds_of
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, chosen_steps, seconds_of
 from actin_xcheck.runs.processes import Lost
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import turn_matrix

@@ -11,9 +11,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.cost import seconds_of
 from actin_xcheck.runs.method import Method, find_method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, seconds_of
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.dispersion import sigma_prime
 

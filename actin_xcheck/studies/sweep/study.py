@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.cost import run_seconds
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
-from actin_xcheck.runs.numerics import Wanted
+from actin_xcheck.runs.numerics import Wanted, run_seconds
 from actin_xcheck.runs.processes import Lost
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import reading
