@@ -17,7 +17,7 @@ import pytest
 import actin_xcheck
 from actin_xcheck.cli import app as cli
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.alone import have_room_for_sockets
+from actin_xcheck.runs.processes import have_room_for_sockets
 from actin_xcheck.runs.store import provenance
 from actin_xcheck.scene import shelf
 from actin_xcheck.scene.scene import load_scene
@@ -154,7 +154,7 @@ def test_no_environment_changes_a_bit_of_any_command(name: str, place: Path, cle
 @pytest.mark.slow
 def test_a_chart_measures_where_sockets_have_no_room(place: Path) -> None:
     (place / "own.py").write_text(
-        "import operator\nfrom actin_xcheck.runs.alone import work_alone\n"
+        "import operator\nfrom actin_xcheck.runs.processes import work_alone\n"
         "if __name__ == '__main__':\n    print(work_alone(operator.is_not, 3, lambda *told: None))\n"
     )
     for name in SHADOWS:  # a script's own directory comes first by its owner's will

@@ -96,7 +96,7 @@ def test_nothing_is_computed_when_modules_are_imported():
     statement = """
 import importlib, pkgutil
 import actin_xcheck.scene.scene as scene, actin_xcheck.theory.growth as growth
-import actin_xcheck.runs.alone as alone
+import actin_xcheck.runs.processes as alone
 
 def refuse(*arguments):
     raise AssertionError("computed at import")

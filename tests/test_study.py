@@ -21,9 +21,8 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
-from actin_xcheck.runs.alone import work_alone
 from actin_xcheck.runs.executor import executor, in_turn
-from actin_xcheck.runs.processes import Lost
+from actin_xcheck.runs.processes import Lost, work_alone
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal

@@ -14,7 +14,6 @@ import typer
 from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import IN_UNITS, far_from_the_article
-from actin_xcheck.runs.numerics import typed
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,11 +44,15 @@ def print_table(table: "Table") -> None:
 
 def command() -> str:
     """The command this process was started with, to be typed again."""
+    from actin_xcheck.runs.numerics import typed
+
     return typed(sys.argv[1:])
 
 
 def resuming_command() -> str:
     """The one that goes on with what this process has begun."""
+    from actin_xcheck.runs.numerics import typed
+
     words = [word for word in sys.argv[1:] if word not in ("--force", "--resume")]
     return typed([*words, "--resume"])
 

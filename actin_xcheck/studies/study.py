@@ -26,9 +26,8 @@ from actin_xcheck.core.files import locked
 from actin_xcheck.core.unnamed import Unnamed
 from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
-from actin_xcheck.runs.alone import prepare, work_alone
 from actin_xcheck.runs.executor import Executor
-from actin_xcheck.runs.processes import Lost, portable
+from actin_xcheck.runs.processes import Lost, portable, prepare, work_alone
 from actin_xcheck.runs.records import read_table, write_table
 from actin_xcheck.runs.store import provenance, state, writing
 from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
@@ -40,7 +39,7 @@ Tell = Callable[[str, float, float], None]
 """Told of a label, seconds of work that are over, and seconds in all, as they were expected."""
 
 Alone = Callable[[Callable[[Any], Any], Any], Any]
-"""Returns what work makes of a task in a process of its own, or Lost; see `runs.alone.work_alone`."""
+"""Returns what work makes of a task in a process of its own, or Lost; see `runs.processes.work_alone`."""
 
 
 @dataclass(frozen=True)
