@@ -23,9 +23,9 @@ from pathlib import Path
 from actin_xcheck.cli import app as cli
 from actin_xcheck.core.errors import LONGEST, UserError
 from actin_xcheck.runs import run as runs
-from actin_xcheck.runs.machine import peak_memory
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.provenance import peak_memory
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.compare import jobs_of

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from actin_xcheck.cli.app import app
 from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.runs.processes import Lost, work_alone
+from actin_xcheck.runs.provenance import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading

@@ -18,7 +18,7 @@ import actin_xcheck
 from actin_xcheck.cli import app as cli
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.processes import have_room_for_sockets
-from actin_xcheck.runs.store import provenance
+from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.scene import shelf
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import shipped_scenes

@@ -14,9 +14,9 @@ from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.provenance import code
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.runs.version import code
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_comparison_page

@@ -26,14 +26,9 @@ from actin_xcheck.core.mesh import Mesh, disk, signed_areas
 from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.runs.run import bind
-from actin_xcheck.runs.store import (
-    RUN_ATTRIBUTES,
-    RunWriter,
-    annotate,
-    provenance,
-    read_run,
-)
+from actin_xcheck.runs.store import RUN_ATTRIBUTES, RunWriter, annotate, read_run
 from actin_xcheck.runs.vtkhdf import Film
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from tests.claims import claim

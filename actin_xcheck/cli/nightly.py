@@ -93,7 +93,7 @@ def spend(
     from actin_xcheck.nightly.carry_out import carry_through
     from actin_xcheck.nightly.dashboard import junit, write_dashboard, write_night_page, write_scene_pages
     from actin_xcheck.nightly.plan import begun
-    from actin_xcheck.runs.machine import reference_kernel
+    from actin_xcheck.runs.provenance import reference_kernel
 
     seconds = kernel or float(reference_kernel()[0])
     with processes as workers, begun(wish, suite, seconds) as tonight:

@@ -39,10 +39,9 @@ from actin_xcheck.nightly.items import Checked, Control, Item, NotDecided, night
 from actin_xcheck.nightly.plan import Tonight
 from actin_xcheck.nightly.record import FILE_NAME, STUDY, Done, Kept, Kind, NotRun, Number, write_night
 from actin_xcheck.runs.executor import Executor, in_turn
-from actin_xcheck.runs.machine import forget_peak, peak_memory
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.processes import Lost, how_ended, prepare, work_alone
-from actin_xcheck.runs.version import check_code, code
+from actin_xcheck.runs.provenance import check_code, code, forget_peak, peak_memory
 from actin_xcheck.studies.faults import hunt
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.fault import Calls

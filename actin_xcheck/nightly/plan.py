@@ -21,7 +21,7 @@ from actin_xcheck.nightly.record import FILE_NAME, Begun, Kept, nights_in, write
 from actin_xcheck.runs.executor import cores
 from actin_xcheck.runs.method import METHODS, Method, find_method
 from actin_xcheck.runs.numerics import KERNEL, seconds_of
-from actin_xcheck.runs.store import provenance
+from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined

@@ -116,7 +116,7 @@ class Begun:
     ----------
     name : of the night and of its folder.
     date : ISO 8601, UTC, to the microsecond: no other night begins then.
-    versions : of the code and its libraries, see `store.provenance`.
+    versions : of the code and its libraries, see `provenance.provenance`.
     machine : what tells it from others.
     command : what makes it again.
     minutes : wall time it may take; inf without a limit.

@@ -1,8 +1,8 @@
 """Processes of this machine, each with a pipe of its own: tasks go in, and results come out as they come.
 
 A task whose process ends (killed, out of memory) is given to another one; after `ATTEMPTS` such ends it is
-`Lost`, and the others go on.  Processes end when the one that started them does.  What is timed has a process of
-its own, in which everything is imported already.
+`Lost`, and the others go on.  Processes end when the one that started them does.  What is timed has a process
+of its own, in which everything is imported already.
 """
 
 import ctypes

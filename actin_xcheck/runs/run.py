@@ -29,8 +29,9 @@ from actin_xcheck.runs.method import (
     load,
 )
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.runs.recorder import Amplitude, Keeper, Progress, Recorder, earlier, taken_up
-from actin_xcheck.runs.store import Run, RunWriter, provenance
+from actin_xcheck.runs.store import Run, RunWriter
 from actin_xcheck.scene.outline import refined
 from actin_xcheck.scene.resolve import mode_field, resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene

@@ -10,15 +10,11 @@ checkpoint stands in `unfinished(path)`: a run like any other up to there, with 
 series, from which it goes on.
 """
 
-import os
-import platform
 import re
-import subprocess
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -50,7 +46,6 @@ _ENDING = ("outcome", "message", "wall_seconds")
 
 _CHECKPOINT = "checkpoint"
 
-PACKAGES = ("actin-xcheck", "numpy", "scipy", "scikit-fem", "FiPy", "h5py")
 
 _ROWS_PER_CHUNK = 256
 
@@ -250,39 +245,6 @@ def annotate(path: Path, attributes: Attributes) -> None:
     """State more about a finished run: what is known only when it is compared with others."""
     with changing(path) as file:
         state(file["run"], attributes)
-
-
-def provenance() -> dict[str, str]:
-    """Return versions of Python and of `PACKAGES`, the platform, and the commit of the package's checkout.
-
-    The commit is "unknown" where the package does not lie in a git checkout, and ends in "-dirty" where the
-    checkout has changes.
-    """
-    versions = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            versions[package.lower()] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            versions[package.lower()] = "not installed"
-    return versions | {"platform": platform.platform(), "commit": _commit()}
-
-
-def _commit() -> str:
-    """The commit of the checkout that tracks this file; a copy installed inside another one has none."""
-    folder, this = Path(__file__).parent, Path(__file__).name
-    # without GIT_DIR and its kin: they name another checkout, whose hook we may be
-    around = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
-
-    def git(*command: str) -> str:
-        words = ("git", "-c", "safe.directory=*", *command)  # code that is run here is trusted anyway
-        answer = subprocess.run(words, cwd=folder, env=around, capture_output=True, text=True, check=True)
-        return answer.stdout.strip()
-
-    try:
-        git("ls-files", "--error-unmatch", this)
-        return git("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
-    except (OSError, subprocess.CalledProcessError):  # no git, no checkout or not ours
-        return "unknown"
 
 
 def _in_memory(path: Path, mode: str) -> h5py.File:

@@ -21,8 +21,8 @@ import h5py
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
+from actin_xcheck.runs.provenance import SOURCES, code
 from actin_xcheck.runs.records import read_record, write_record
-from actin_xcheck.runs.version import SOURCES, code
 from actin_xcheck.scene.scene import Scene
 
 FILE_NAME = "journal.sqlite"

@@ -28,9 +28,9 @@ from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.executor import Executor
 from actin_xcheck.runs.processes import Lost, portable, prepare, work_alone
+from actin_xcheck.runs.provenance import ONE_AT_A_TIME, check_code, code, provenance
 from actin_xcheck.runs.records import read_table, write_table
-from actin_xcheck.runs.store import provenance, state, writing
-from actin_xcheck.runs.version import ONE_AT_A_TIME, check_code, code
+from actin_xcheck.runs.store import state, writing
 from actin_xcheck.studies.journal import FILE_NAME, Journal, files_in, key_of, reports_in, stated
 
 PAGE = "index.html"

@@ -16,10 +16,10 @@ from actin_xcheck.core.contract import Solver, State
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
-from actin_xcheck.runs.machine import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, run_seconds
+from actin_xcheck.runs.provenance import forget_peak, peak_memory, reference_kernel
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene

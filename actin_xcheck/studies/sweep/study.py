@@ -22,9 +22,9 @@ from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Wanted, run_seconds
 from actin_xcheck.runs.processes import Lost
+from actin_xcheck.runs.provenance import code
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import reading
-from actin_xcheck.runs.version import code
 from actin_xcheck.runs.vtkhdf import whole
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.journal import Journal, key_of, stated
