@@ -10,9 +10,9 @@ The straight sides of a sector are mirror lines: v.n = 0 and no shear traction; 
 import numpy as np
 import scipy.sparse as sp
 
+from actin_xcheck.core.linear import Pattern, bincount
 from actin_xcheck.core.mesh import Indices, Symmetry
 from actin_xcheck.core.model import Array, Closure
-from actin_xcheck.core.pattern import Pattern, bincount
 from fem.space import Space
 
 

@@ -7,13 +7,12 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Move
-from actin_xcheck.core.linear import Preconditioner, SymmetricSolver
+from actin_xcheck.core.errors import Outcome
+from actin_xcheck.core.linear import Preconditioner, SymmetricSolver, bincount
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
-from actin_xcheck.core.outcome import Outcome
-from actin_xcheck.core.pattern import bincount
+from actin_xcheck.core.motion import Anchor
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.kernels import CellSample
 from fem.space import Space

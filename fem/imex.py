@@ -18,7 +18,6 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import (
     Frame,
     Grid,
@@ -32,11 +31,11 @@ from actin_xcheck.core.contract import (
     remembered,
     straight_frame,
 )
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.motion import PrescribedMotion
+from actin_xcheck.core.motion import Anchor, PrescribedMotion
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import Outcome
 from fem.fields import Lattice, cell_means, locate, measure, orientation
 from fem.force_balance import ForceBalance
 from fem.space import Space

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from actin_xcheck.core.linear import Pattern, bincount
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.pattern import Pattern, bincount
 from fem import forms
 
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Mesh, orientation, signed_areas
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.motion import Anchor
 from actin_xcheck.core.observables import balance_residual
-from actin_xcheck.core.outcome import Outcome
 from fem.force_balance import ForceBalance
 from fem.space import Space
 from fem.transport import TransportSolver

@@ -4,10 +4,10 @@ from math import log2
 
 import scipy.sparse as sp
 
-from actin_xcheck.core.anchor import Anchor
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.linear import Preconditioner, SymmetricSolver
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Outcome
+from actin_xcheck.core.motion import Anchor
 from fem.space import Space
 
 

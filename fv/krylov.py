@@ -12,9 +12,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
 from actin_xcheck.core import linear
+from actin_xcheck.core.errors import COMPLETED, Outcome
+from actin_xcheck.core.linear import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import COMPLETED, Outcome
-from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
 
 Inverse = Callable[[Array], Array]
 

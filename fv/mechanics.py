@@ -20,10 +20,10 @@ from typing import Self
 
 import numpy as np
 
-from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Move
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
+from actin_xcheck.core.motion import Anchor
 from fv import krylov
 from fv.boundary import Ties, settle
 from fv.mesh import Faces

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from actin_xcheck.core.contract import Move
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import integral, orientation, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import PrescribedMotion
-from actin_xcheck.core.outcome import Outcome
 from fv import krylov
 from fv.diamond import over_relaxed_split, reconstruct, vertex_interpolation
 from fv.solver import FvDiamond, FvState

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from actin_xcheck.core import linear
-from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Mesh, integral, orientation, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.motion import Anchor
 from actin_xcheck.core.observables import area, balance_residual
-from actin_xcheck.core.outcome import Outcome
 from fv import krylov
 from fv.diamond import over_relaxed_split, reconstruct, two_point, vertex_interpolation
 from fv.equations import TransportEquation

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from actin_xcheck.core.linear import Pattern
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.pattern import Pattern
 from fv.mesh import Faces
 
 Moduli = tuple[float, float]

@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
+from actin_xcheck.core.linear import bincount
 from actin_xcheck.core.mesh import quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Closure
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from actin_xcheck.core.pattern import bincount
 from fv import krylov
 from fv.boundary import Ties, free_motions, rigid_motions
 from fv.diamond import linear_weights

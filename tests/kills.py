@@ -17,19 +17,19 @@ from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.files import unfinished
-from actin_xcheck.core.outcome import Outcome
-from actin_xcheck.core.signals import stop_signals
-from actin_xcheck.runs import recorder
+from actin_xcheck.runs import march
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import HAND_OVER, METHODS, MODAL, RADIAL, SECTOR
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.processes import stop_signals
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 
 OFTEN = 2.0
-"""For `recorder.REST`: a third of a run's time goes into checkpoints, so that many kills hit one."""
+"""For `march.REST`: a third of a run's time goes into checkpoints, so that many kills hit one."""
 
 AGAIN = 0.3
 """Of the runs taken up, the part that is killed once more."""
@@ -131,7 +131,7 @@ def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = Fal
 
 def work(kind: Kind, path: Path, resume: bool) -> None:
     """Run a kind of run, with many checkpoints; in a process of its own."""
-    recorder.REST = OFTEN
+    march.REST = OFTEN
     scene, method = kind.loaded, METHODS[kind.method]
     reduction = reduced(scene, method, kind.fidelity, kind.rtol)
     runs.run(scene, Numerics(method, kind.refine, kind.dt, kind.rtol, reduction), path, resume=resume)

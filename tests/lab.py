@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from actin_xcheck.core.contract import Solver, State
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import INTERIOR_POINTS, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Delta, Model
-from actin_xcheck.core.outcome import Outcome
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS

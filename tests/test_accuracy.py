@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli.app import main
-from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.core.errors import Ending, Outcome
 from actin_xcheck.runs.accuracy import change, deliver, estimated
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from actin_xcheck.cli.app import app
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.runs.processes import Lost, work_alone

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.contract import State
+from actin_xcheck.core.errors import Ending, Outcome
 from actin_xcheck.core.lagrange import areas
 from actin_xcheck.core.linear import TOLERANCE, solve
 from actin_xcheck.core.mesh import disk, integral
-from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics, suited
+from actin_xcheck.runs.numerics import Numerics, step_count, suited
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, film_of, play, scene_of

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from actin_xcheck.core.choices import Fidelity
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs.fidelity import Reduction
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, run_seconds, seconds_of

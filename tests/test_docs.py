@@ -18,8 +18,8 @@ from markdown_it import MarkdownIt
 
 from actin_xcheck.cli.app import app
 from actin_xcheck.cli.output import schemas
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Closure, Delta, Rheology
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.scene.tables import Expect, ReferenceValues

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.claim import ClaimKind
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Numerics

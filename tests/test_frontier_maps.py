@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli.app import main
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.report.exhibits import Line
 from actin_xcheck.report.lattice import colour_of
 from actin_xcheck.runs.method import METHODS

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from actin_xcheck.runs.march import Amplitude
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.recorder import Amplitude
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.frontier import limits

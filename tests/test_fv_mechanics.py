@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay, cKDTree
 
-from actin_xcheck.core.anchor import Anchor
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import Mesh, Symmetry, disk, sector, signed_areas, unfold
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.motion import Anchor
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics

@@ -8,8 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 from actin_xcheck.core import linear
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import orientation, quadrature_points, signed_areas
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind

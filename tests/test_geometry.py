@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import (
     Symmetry,
     disk,
@@ -12,7 +13,6 @@ from actin_xcheck.core.mesh import (
     signed_areas,
     unfold,
 )
-from actin_xcheck.core.outcome import Ending
 
 
 def edges(triangles):

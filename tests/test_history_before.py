@@ -12,9 +12,8 @@ import h5py
 import pytest
 
 from actin_xcheck.cli.app import report_command
-from actin_xcheck.core.claim import ClaimKind
+from actin_xcheck.core.claim import ClaimKind, claim_of
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import Judged, append, judged_in, read_claims, read_nights, read_series
 from actin_xcheck.nightly.items import Group, group_of

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from actin_xcheck.core.errors import LONGEST, UserError, brief
-from actin_xcheck.core.outcome import Ending, Outcome
+from actin_xcheck.core.errors import LONGEST, Ending, Outcome, UserError, brief
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Line, Plot, Sheet

@@ -17,7 +17,7 @@ import pytest
 from actin_xcheck.core import files
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database, locked, replace_file, unfinished
-from actin_xcheck.runs import recorder
+from actin_xcheck.runs import march
 from actin_xcheck.runs.store import annotate, read_run
 from actin_xcheck.scene.scene import load_scene
 from tests.kills import FRONTS, KINDS, QUICK, Kind, bits, campaign, go
@@ -107,7 +107,7 @@ def test_where_nothing_can_be_written_nobody_is_said_to_write() -> None:
 
 def _kill_yourself(kind: Kind, path: Path, moment: str) -> None:
     """In a process of its own: run, and be killed while the third file is put in its place, or the last."""
-    recorder.REST, count = 0.0, 0
+    march.REST, count = 0.0, 0
 
     def die(*_: object) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -177,7 +177,7 @@ def test_random_kills(tmp_path: Path) -> None:
 
 def _fill(path: Path, bytes_left: int) -> None:
     """In a process of its own: run with a limit on the size of files."""
-    recorder.REST = 0.0
+    march.REST = 0.0
     import resource  # POSIX's
 
     resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_left, bytes_left))

@@ -12,10 +12,10 @@ from skfem.mapping import MappingIsoparametric
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.linear import SymmetricSolver, solve
 from actin_xcheck.core.mesh import Symmetry, disk, sector
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from fem import forms
 from fem.element import UNIFORM, lagrange

@@ -7,11 +7,11 @@ import pytest
 import scipy.sparse as sp
 
 from actin_xcheck.core import linear
-from actin_xcheck.core.anchor import Anchor
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.linear import SymmetricSolver
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.motion import Anchor
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.run import bind

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.contract import Problem
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene

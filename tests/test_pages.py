@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page
 
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.report.draw import Drawing
 from actin_xcheck.report.environment import environment
 from actin_xcheck.report.figure import STYLES

@@ -5,15 +5,15 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from actin_xcheck.cli import progress
-from actin_xcheck.cli.progress import Progress
+from actin_xcheck.cli import output
+from actin_xcheck.cli.output import Progress
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """Seconds, to be moved on by hand."""
     now = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -52,7 +52,7 @@ def test_no_more_is_left_than_the_budget(clock, capsys, monkeypatch):
 def test_a_bar_says_the_same(clock, monkeypatch):
     said = StringIO()
     console = Console(file=said, force_terminal=True, width=100)
-    monkeypatch.setattr(progress, "Console", lambda **_: console)
+    monkeypatch.setattr(output, "Console", lambda **_: console)
     with Progress(False, 180.0) as told:
         told.report("night", 0, 100)
         clock[0] += 30

@@ -8,9 +8,9 @@ import pytest
 from scipy.special import jv
 
 from actin_xcheck.core.contract import Motion, Problem
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.theory.eigenfields import eigenfield
 from actin_xcheck.theory.modes import wavenumber

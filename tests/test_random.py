@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.core.choices import Closure, Delta, Rheology
 from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.parameters import Closure, Delta, Rheology
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.faults.catalogue import find_faults

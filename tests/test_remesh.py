@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.contract import Move, Problem, State
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array, Delta, Model
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.core.parameters import Parameters
 from fem.fields import measure, orientation
 from fem.force_balance import ForceBalance

@@ -15,9 +15,8 @@ from playwright.sync_api import Browser, Page
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.contract import Frame
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import Ending, Outcome, UserError
 from actin_xcheck.core.mesh import disk, signed_areas
-from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics

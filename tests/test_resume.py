@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.contract import State
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.files import unfinished
-from actin_xcheck.core.outcome import Ending
-from actin_xcheck.runs import recorder
+from actin_xcheck.runs import march
 from actin_xcheck.runs.fidelity import Fidelity, reduced
-from actin_xcheck.runs.march import March, Moment
+from actin_xcheck.runs.march import Keeper, March, Moment
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.recorder import Keeper
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
@@ -116,7 +114,7 @@ def test_checkpoints_cost_a_fiftieth_of_a_run(monkeypatch: pytest.MonkeyPatch) -
         def memento(self, state):
             return {}
 
-    monkeypatch.setattr(recorder.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(march.time, "perf_counter", lambda: clock[0])
     moment = Moment(State(0.0, np.zeros((2, 1)), np.ones(1), np.zeros((2, 1))))
     keep = Keeper(Solver(), Writer(), began=1000.0)
     for _ in range(7010):
@@ -172,16 +170,16 @@ def test_a_checkpoint_that_is_not_whole_is_one_line(tmp_path: Path) -> None:
 def test_the_versions_that_differ_are_named_and_a_new_kernel_is_none():
     old = {"python": "3.11.7", "numpy": "2.0", "platform": "Linux-5"}
     now = {"python": "3.11.7", "numpy": "2.1", "platform": "Linux-6"}
-    assert recorder._unlike(json.dumps(old), json.dumps(now)) == ("numpy 2.0", "numpy 2.1")
-    assert recorder._unlike(json.dumps(old), json.dumps(old | {"platform": "Linux-6"})) == ("", "")
-    assert recorder._unlike("damaged", json.dumps(now)) == ("damaged", json.dumps(now))
+    assert march._unlike(json.dumps(old), json.dumps(now)) == ("numpy 2.0", "numpy 2.1")
+    assert march._unlike(json.dumps(old), json.dumps(old | {"platform": "Linux-6"})) == ("", "")
+    assert march._unlike("damaged", json.dumps(now)) == ("damaged", json.dumps(now))
 
 
 def test_a_run_goes_on_over_a_new_mesh_to_the_same_bits(tmp_path, monkeypatch):
     """Remeshed in its first step, because that is asked of it, and interrupted in its third."""
     begin = Remeshing.init
     monkeypatch.setattr(Remeshing, "init", lambda solver: replace(begin(solver), limit=0.999))
-    monkeypatch.setattr(recorder, "REST", 0.0)
+    monkeypatch.setattr(march, "REST", 0.0)
     scene, method, steps = load_scene("growing-disk"), METHODS["fem-p2-imex3"], []
 
     def interrupt(done, total):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy
 
-from actin_xcheck.cli.options import warn_of
+from actin_xcheck.cli.conduct import warn_of
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import UNITS, DimensionalParameters, Parameters, far_from_the_article

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.lagrange import areas
 from actin_xcheck.core.mesh import Symmetry, sector
 from actin_xcheck.core.model import Closure, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import polarity
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.fidelity import departure
 from actin_xcheck.runs.method import METHODS, load
 from actin_xcheck.scene.resolve import mesh_of, resolve

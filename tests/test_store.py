@@ -19,11 +19,10 @@ from vtk.util.numpy_support import vtk_to_numpy
 
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.contract import Frame
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import Ending, Outcome, UserError
 from actin_xcheck.core.lagrange import areas as lagrange_areas
 from actin_xcheck.core.lagrange import order_of, rule
 from actin_xcheck.core.mesh import Mesh, disk, signed_areas
-from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.provenance import provenance

@@ -7,9 +7,8 @@ import pytest
 
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.runs.fidelity import Fidelity, reduced
-from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, step_count
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene

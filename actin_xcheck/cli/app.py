@@ -12,15 +12,12 @@ from typing import NoReturn
 import typer
 
 from actin_xcheck.cli import predict, studies
-from actin_xcheck.cli.conduct import page_of
+from actin_xcheck.cli.conduct import Json, page_of, print_table
 from actin_xcheck.cli.history import diff_command, history_command
 from actin_xcheck.cli.nightly import nightly_command
-from actin_xcheck.cli.options import Json, print_table
-from actin_xcheck.cli.render import export_command, render_command
-from actin_xcheck.cli.run import run_command
+from actin_xcheck.cli.run import export_command, render_command, run_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
-from actin_xcheck.core.signals import ending_signals
-from actin_xcheck.runs.processes import end_all
+from actin_xcheck.runs.processes import end_all, ending_signals
 
 app = typer.Typer(
     add_completion=False,

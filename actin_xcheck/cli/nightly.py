@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.options import Json, Quiet, command
+from actin_xcheck.cli.conduct import Json, Quiet, command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,8 +87,7 @@ def spend(
     how : see `carry_through`.
     """
     from actin_xcheck.cli.conduct import saying_the_cost
-    from actin_xcheck.cli.output import say
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.core.files import replace_file
     from actin_xcheck.nightly.carry_out import carry_through
     from actin_xcheck.nightly.dashboard import junit, write_dashboard, write_night_page, write_scene_pages

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from actin_xcheck.cli.conduct import study_command
-from actin_xcheck.core.choices import Closure, Delta, Rheology
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 
 if TYPE_CHECKING:
     from actin_xcheck.core.model import Model
@@ -55,7 +54,7 @@ def modes_command(
     """Every growth rate above a bound, per angular number; the count is proved by the argument principle."""
     from rich.table import Table
 
-    from actin_xcheck.cli.options import print_table
+    from actin_xcheck.cli.conduct import print_table
     from actin_xcheck.theory.exact import DiskModes
 
     model = _model(Parameters(psi, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
@@ -97,7 +96,7 @@ def threshold_command(
     """The smallest psi at which a rate of each angular number reaches Re lambda = 0, and its frequency."""
     from rich.table import Table
 
-    from actin_xcheck.cli.options import print_table
+    from actin_xcheck.cli.conduct import print_table
     from actin_xcheck.theory.exact import lowest, threshold
 
     model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)

@@ -1,4 +1,4 @@
-"""`run`: one scene by one method, stored."""
+"""`run`: one scene by one method, stored; `render` and `export`: a stored run as pictures and elsewhere."""
 
 import sys
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from actin_xcheck.cli.options import (
+from actin_xcheck.cli.conduct import (
     Dt,
     Force,
     Json,
@@ -18,14 +18,14 @@ from actin_xcheck.cli.options import (
     resuming_command,
     warn_of,
 )
-from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.parameters import FIELDS, Fidelity
 from actin_xcheck.runs.method import METHODS
 
 if TYPE_CHECKING:
     from actin_xcheck.cli.output import RunAnswer
+    from actin_xcheck.core.errors import Outcome
     from actin_xcheck.core.mesh import Mesh
-    from actin_xcheck.core.outcome import Outcome
     from actin_xcheck.runs.fidelity import Reduction
     from actin_xcheck.runs.numerics import Numerics
     from actin_xcheck.scene.scene import Scene
@@ -104,11 +104,10 @@ def _run(
 ) -> NoReturn:
     """Run, say how it ended and leave with the exit code."""
     from actin_xcheck.cli.conduct import lasting
-    from actin_xcheck.cli.output import say
-    from actin_xcheck.cli.progress import Progress
-    from actin_xcheck.core.outcome import Ending
-    from actin_xcheck.core.signals import stop_signals
+    from actin_xcheck.cli.output import Progress, say
+    from actin_xcheck.core.errors import Ending
     from actin_xcheck.runs.numerics import run_seconds
+    from actin_xcheck.runs.processes import stop_signals
     from actin_xcheck.runs.run import run
 
     label, reduction = f"{scene.name} · {numerics.method.name}", numerics.reduction
@@ -224,8 +223,7 @@ def _deliver(
     scene: "Scene", accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
 ) -> NoReturn:
     """Run to an accuracy, say what was reached and leave with the exit code."""
-    from actin_xcheck.cli.output import say
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.runs.accuracy import deliver
 
     with Progress(quiet) as progress:
@@ -251,3 +249,73 @@ def _deliver(
         f"--rtol {reached.level.rtol:g})"
     )
     raise typer.Exit(0)
+
+
+Stored = Annotated[Path, typer.Argument(help="A stored run, .vtkhdf.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+
+
+def render_command(
+    file: Stored,
+    out_file: Annotated[
+        Path | None, typer.Option("--out", help="A .png, .gif or .mp4; default: FILE with .png.")
+    ] = None,
+    time: Annotated[
+        float | None, typer.Option(help="Output time to draw in a .png; default: the last.")
+    ] = None,
+    field: Annotated[str, typer.Option(help=f"One of {', '.join(FIELDS)}.")] = "a",
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Draw a frame of a stored run as a .png, or its film as a .gif or (where ffmpeg is found) an .mp4.
+
+    Needs no display.  Curved cells are drawn curved; the grey line is the cell's rim at its start.
+    """
+    from actin_xcheck.cli.output import FilesAnswer, say
+    from actin_xcheck.runs.pictures import render
+    from actin_xcheck.runs.store import read_run
+
+    run = read_run(file)
+    path = _free(out_file or file.with_suffix(".png"), "--out", force)
+    times = render(run, path, time, field)
+    if json:
+        say(FilesAnswer(command="render", files=(str(path),), times=times))
+    else:
+        print(f"{path}: {len(times)} {'frame' if len(times) == 1 else 'frames'}")
+
+
+def export_command(
+    file: Stored,
+    to: Annotated[
+        Path, typer.Option("--to", help="film.xdmf (with film.h5), or film.pvd (with a .vtu a frame).")
+    ],
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Write the film of a stored run for other tools: XDMF with straight triangles, or VTU with curved cells.
+
+    ParaView 5.12 and later need neither: they open the .vtkhdf itself; film.pvd is for those before.
+    """
+    from actin_xcheck.cli.output import FilesAnswer, say
+    from actin_xcheck.runs.pictures import export, files_of
+    from actin_xcheck.runs.store import read_run
+
+    run = read_run(file)
+    for path in files_of(run, to):
+        _free(path, "--to", force)
+    files = export(run, to)
+    if json:
+        say(FilesAnswer(command="export", files=tuple(map(str, files)), times=tuple(run.times.tolist())))
+    else:
+        print(f"{files[0]}: {len(run.times)} frames in {len(files)} files")
+
+
+def _free(path: Path, option: str, force: bool) -> Path:
+    """Return a path that may be written; UserError where something is there."""
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.core.files import make_folder
+
+    if path.exists() and not force:
+        raise UserError(f"{option}: {path} exists already; valid: another name, or --force")
+    make_folder(path.parent)
+    return path

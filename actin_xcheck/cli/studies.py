@@ -9,9 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from actin_xcheck.cli.conduct import Methods, Only, Scenes, study_command
-from actin_xcheck.cli.options import Dt, Json, Refine, Rtol, check_step, command, warn_of
-from actin_xcheck.core.choices import Fidelity
+from actin_xcheck.cli.conduct import (
+    Dt,
+    Json,
+    Methods,
+    Only,
+    Refine,
+    Rtol,
+    Scenes,
+    check_step,
+    command,
+    study_command,
+    warn_of,
+)
+from actin_xcheck.core.parameters import Fidelity
 
 if TYPE_CHECKING:
     from actin_xcheck.cli.output import SweepAnswer
@@ -326,7 +337,7 @@ def sweep_command(
     asked.
     """
     from actin_xcheck.cli.conduct import saying_the_cost
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Wanted
@@ -346,7 +357,7 @@ def sweep_command(
 def _told(answer: "SweepAnswer", json: bool) -> int:
     """Say what a sweep has made, and return the exit code."""
     from actin_xcheck.cli.output import say
-    from actin_xcheck.core.outcome import Ending
+    from actin_xcheck.core.errors import Ending
 
     if json:
         say(answer)

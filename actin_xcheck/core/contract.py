@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actin_xcheck.core import observables
+from actin_xcheck.core.errors import COMPLETED, Outcome
 from actin_xcheck.core.mesh import Indices, Mesh, locate, orientation
 from actin_xcheck.core.model import Array, Model
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import COMPLETED, Outcome
 
 Source = Callable[[Array, Array, float], Array]
 """Source term s(x, xi, t), per area and time: shape of x[0]."""

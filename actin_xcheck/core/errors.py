@@ -1,6 +1,11 @@
-"""The one exception a user's mistake raises; everything else that goes wrong in a run is an Outcome."""
+"""What goes wrong: a user's mistake raises the one exception, whatever happens in a run is an Outcome.
+
+An Outcome is a value with a sentence: a failed run is data.
+"""
 
 import errno
+from dataclasses import dataclass
+from enum import StrEnum
 
 LONGEST = 2000
 """Characters of a mistake's line, and of what it repeats of a file."""
@@ -35,3 +40,37 @@ def brief(text: str, most: int = 80) -> str:
     half = most // 2
     kept = text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in kept)
+
+
+class Ending(StrEnum):
+    """The ways a run can end."""
+
+    COMPLETED = "completed"
+    TANGLED = "tangled"
+    """A triangle lost its orientation."""
+    SINGULAR_DILATION = "singular_dilation"
+    """1 + phi <= 0, where the pressure (2.5) has no value."""
+    NEGATIVE_CONCENTRATION = "negative_concentration"
+    STEP_TOO_SMALL = "step_too_small"
+    NOT_CONVERGED = "not_converged"
+    """A linear solve left more than its tolerance."""
+    NON_FINITE = "non_finite"
+    INTERRUPTED = "interrupted"
+    """Stopped from outside; its file holds a checkpoint from which it goes on."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run (or a step) ended and one sentence that says where and when."""
+
+    ending: Ending = Ending.COMPLETED
+    message: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """True where the run may go on or has reached its end."""
+        return self.ending is Ending.COMPLETED
+
+
+COMPLETED = Outcome()
+"""Nothing went wrong."""

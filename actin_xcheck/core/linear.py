@@ -1,5 +1,9 @@
-"""The one seam to sparse direct solvers; no residual above the tolerance passes in silence."""
+"""Linear systems: how they are summed up and solved, and what is counted of it.
 
+This is the one seam to sparse direct solvers; no residual above the tolerance passes in silence.
+"""
+
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,11 +15,9 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dpotri
 
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
+from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
-
-Indices = NDArray[np.int64]
 
 TOLERANCE = 1e-10
 """Largest relative residual |Ax - b| / |b| that is not a failure.
@@ -350,3 +352,47 @@ def _pieces(front: Indices, boundary: Indices) -> list[tuple[slice, slice, slice
     return [
         (parent[i], parent[j], child[i], child[j]) for i in range(len(child)) for j in range(i, len(child))
     ]
+
+
+FACTORISATIONS = "factorisations"
+"""Matrices factorised, preconditioners among them."""
+
+SOLVES = "solves"
+"""Linear systems solved, by whatever means, a right-hand side each."""
+
+ITERATIONS = "iterations"
+"""Of conjugate gradients."""
+
+WORK: Counter[str] = Counter()
+"""One number by name; whoever measures a run clears it before and reads it after."""
+
+
+def bincount(places: Indices, entries: Array, size: int) -> Array:
+    """Sums of the entries (k,) that share a place (k,), (size,)."""
+    return np.bincount(places, entries, size).astype(np.float64, copy=False)
+
+
+class Pattern:
+    """Sums entries given by row and column into a CSR matrix whose sparsity is found once.
+
+    Parameters
+    ----------
+    rows, columns : where each entry goes, (k,).
+    size : how many rows there are.
+    width : how many columns; as many as there are rows where it is not given.
+    """
+
+    def __init__(self, rows: Indices, columns: Indices, size: int, width: int | None = None) -> None:
+        self.size, self.width = size, width or size
+        places, self._place = np.unique(rows * self.width + columns, return_inverse=True)
+        self.rows, self.columns = np.divmod(places, self.width)
+        self._indptr = np.searchsorted(self.rows, np.arange(size + 1)).astype(np.int32)
+        self._indices = self.columns.astype(np.int32)
+
+    def sum(self, entries: Array) -> sp.csr_matrix:
+        """Return the matrix of entries (k,)."""
+        return self.matrix(bincount(self._place, entries, self._indices.size))
+
+    def matrix(self, data: Array) -> sp.csr_matrix:
+        """Return the matrix with these values, one for each of `rows` and `columns`, zeros included."""
+        return sp.csr_matrix((data, self._indices, self._indptr), (self.size, self.width))

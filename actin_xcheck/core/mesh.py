@@ -10,8 +10,8 @@ from itertools import cycle
 import numpy as np
 from numpy.typing import NDArray
 
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 
 Indices = NDArray[np.int64]
 

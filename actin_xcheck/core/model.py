@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from actin_xcheck.core.choices import Closure, Delta, Rheology
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from actin_xcheck.core.errors import LONGEST, UserError, brief, starved
 from actin_xcheck.core.files import locked
-from actin_xcheck.core.work import WORK
+from actin_xcheck.core.linear import WORK
 from actin_xcheck.nightly.differences import against
 from actin_xcheck.nightly.history import (
     find_night,

@@ -19,12 +19,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, claim_of
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.nightly.record import Done, Kept, Kind, Night, Number, number
 
 FILE_NAME = "history.sqlite"

@@ -11,8 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.nightly.record import Done, Kind, Number
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, command

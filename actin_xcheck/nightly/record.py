@@ -12,10 +12,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, claim_of
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.core.unnamed import claim_of
 from actin_xcheck.studies import journal
 
 FILE_NAME, STUDY = "night.jsonl", "nightly"

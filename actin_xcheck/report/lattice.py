@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.core.outcome import Ending
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.report.exhibits import Classes, Line, Places
 
 Node = tuple[int, int]

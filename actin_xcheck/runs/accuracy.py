@@ -14,12 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.outcome import Outcome
+from actin_xcheck.core.errors import Outcome, UserError
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
+from actin_xcheck.runs.march import Progress
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.recorder import Progress
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, annotate, read_run
 from actin_xcheck.scene.scene import Scene

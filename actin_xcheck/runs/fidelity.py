@@ -12,11 +12,11 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Symmetry, disk, sector, unfold
 from actin_xcheck.core.model import Array, Delta, Rheology
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.resolve import resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene

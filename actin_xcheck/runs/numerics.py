@@ -3,12 +3,13 @@
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import ceil
 
-from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import Mesh
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs.fidelity import FULL, Reduction, reduced
-from actin_xcheck.runs.march import step_count
 from actin_xcheck.runs.method import METHODS, Method, find_method
 from actin_xcheck.scene.scene import Scene
 
@@ -189,3 +190,13 @@ def run_seconds(numerics: Numerics, output_times: Sequence[float]) -> float:
     if reduction.fidelity is not Fidelity.FULL:
         return seconds_of(replace(numerics.method, driven_by=None), 0, steps)
     return seconds_of(numerics.method, numerics.refine, steps)
+
+
+def step_count(dt: float, output_times: Sequence[float]) -> int:
+    """Number of equal steps of at most dt that a `March` takes."""
+    return sum(equal_steps(start, end, dt) for start, end in pairwise((0.0, *output_times)))
+
+
+def equal_steps(start: float, end: float, dt: float) -> int:
+    """Number of equal steps of at most dt from one time to another."""
+    return max(1, ceil((end - start) / dt * (1 - 1e-9)))

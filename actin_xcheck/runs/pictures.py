@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from actin_xcheck.core.aside import LostError, aside
-from actin_xcheck.core.choices import FIELDS
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.parameters import FIELDS
 from actin_xcheck.runs.store import Run
 
 SUFFIXES = (".png", ".gif", ".mp4")

@@ -1,4 +1,4 @@
-"""What a result comes from: the version of the code, the libraries under it, the machine, its speed and memory."""
+"""What a result comes from: the code and its libraries, the machine, its speed and memory."""
 
 import ctypes
 import hashlib

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.choices import Fidelity
 from actin_xcheck.core.contract import Mechanics, Move, Problem, Solver, State
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import Ending, Outcome, UserError
 from actin_xcheck.core.files import locked
 from actin_xcheck.core.mesh import Mesh, disk, sector
 from actin_xcheck.core.motion import PrescribedMotion, RecordedMotion
-from actin_xcheck.core.outcome import Ending, Outcome
-from actin_xcheck.runs.march import March
+from actin_xcheck.core.parameters import Fidelity
+from actin_xcheck.runs.march import Amplitude, Keeper, March, Progress, Recorder, earlier, taken_up
 from actin_xcheck.runs.method import (
     HAND_OVER,
     METHODS,
@@ -30,7 +29,6 @@ from actin_xcheck.runs.method import (
 )
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.provenance import provenance
-from actin_xcheck.runs.recorder import Amplitude, Keeper, Progress, Recorder, earlier, taken_up
 from actin_xcheck.runs.store import Run, RunWriter
 from actin_xcheck.scene.outline import refined
 from actin_xcheck.scene.resolve import mode_field, resolve, starts_from_steady_state

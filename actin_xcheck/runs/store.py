@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from actin_xcheck.core.contract import Frame
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import Ending, Outcome, UserError
 from actin_xcheck.core.files import replace_file, unfinished
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Ending, Outcome
 from actin_xcheck.runs import vtkhdf
 
 SCHEMA = 1

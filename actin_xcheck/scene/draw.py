@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from actin_xcheck.core.choices import Closure, Delta, Rheology
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.parameters import DimensionalParameters, Parameters
+from actin_xcheck.core.parameters import Closure, Delta, DimensionalParameters, Parameters, Rheology
 from actin_xcheck.scene.scene import parse_scene
 
 Scene = dict[str, Any]

@@ -8,9 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from actin_xcheck.core.choices import Closure, Delta, Rheology
 from actin_xcheck.core.errors import UserError, brief
-from actin_xcheck.core.parameters import DimensionalParameters, Parameters
+from actin_xcheck.core.parameters import Closure, Delta, DimensionalParameters, Parameters, Rheology
 
 _SHIPPED = files("actin_xcheck.scene") / "shipped"
 

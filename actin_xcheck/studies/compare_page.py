@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from actin_xcheck.core.choices import CAVEATS
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.parameters import CAVEATS
 from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import Intervals, Line, Plot

@@ -20,10 +20,9 @@ from typing import Any, get_type_hints
 
 import h5py
 
-from actin_xcheck.core.claim import Claim
+from actin_xcheck.core.claim import Claim, Unnamed
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
-from actin_xcheck.core.unnamed import Unnamed
 from actin_xcheck.report.exhibit_file import write_chapters
 from actin_xcheck.report.exhibits import Chapter
 from actin_xcheck.runs.executor import Executor

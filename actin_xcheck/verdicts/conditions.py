@@ -6,8 +6,8 @@ the stages of the pairs are of order 2, and what they miss there is passed on at
 
 import numpy as np
 
-from actin_xcheck.core.choices import CAVEATS, Closure, Delta, Rheology
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.parameters import CAVEATS, Closure, Delta, Rheology
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import in_scene_frame, resolve

@@ -5,10 +5,10 @@ from dataclasses import replace
 from typing import Generic
 
 from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, S, Solver
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import Outcome
 from fem.reduced.modal import Modal, ModalState
 
 

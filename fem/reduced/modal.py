@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.reduced.radial_modes import AngularMode, slopes
 from fem.reduced.radial_space import FrameMesh, Ray
 

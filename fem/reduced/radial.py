@@ -19,12 +19,12 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.linear import TOLERANCE
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.reduced.radial_space import FrameMesh, Ray
 from fem.tableaux import TABLEAUX
 

@@ -9,10 +9,10 @@ from scipy.spatial import cKDTree
 
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, S, Solver
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import ON_A_LINE, Indices, Mesh, shared_nodes, unfold
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import Outcome
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from actin_xcheck.core.anchor import Anchor
 from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, State
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.motion import Anchor
 from actin_xcheck.core.observables import Measures
-from actin_xcheck.core.outcome import Outcome
 from fem.fields import Lattice, cell_means, measure
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex, ImexState

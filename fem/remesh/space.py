@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh
 from actin_xcheck.core.model import Array, Model
-from actin_xcheck.core.outcome import COMPLETED, Ending, Outcome
 from fem.element import lagrange
 from fem.force_balance import ForceBalance
 from fem.remesh.transfer import Reading

@@ -6,10 +6,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.linear import solve
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Outcome
 from fem.fields import locate
 from fem.space import Space
 

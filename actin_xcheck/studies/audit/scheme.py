@@ -23,9 +23,9 @@ from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.observables import area, centroid
 from actin_xcheck.core.parameters import DimensionalParameters
 from actin_xcheck.report.exhibits import Line, Plot, Sheet
-from actin_xcheck.runs.march import March, step_count
+from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, step_count
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.row import Answer, answer, examines

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from actin_xcheck.core.contract import Problem, Solver
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS

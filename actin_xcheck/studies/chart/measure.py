@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from actin_xcheck.core.contract import Solver, State
+from actin_xcheck.core.errors import Outcome
+from actin_xcheck.core.linear import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Outcome
-from actin_xcheck.core.work import FACTORISATIONS, SOLVES, WORK
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, run_seconds

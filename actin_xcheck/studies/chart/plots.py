@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from actin_xcheck.core.choices import CAVEATS
+from actin_xcheck.core.parameters import CAVEATS
 from actin_xcheck.report.exhibits import Chapter, Sheet
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, run_seconds

@@ -14,10 +14,10 @@ import numpy as np
 
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.contract import Grid, Solver, State
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, run_seconds, seconds_of

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Array, Closure
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.report.exhibits import Chapter, Line, Outline, Outlines, Plot
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.closures.findings import JUDGED, Ladder, ladders, on_growth, on_refinement, reason

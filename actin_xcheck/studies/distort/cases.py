@@ -11,9 +11,9 @@ import numpy as np
 from actin_xcheck.core.contract import Solver
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
+from actin_xcheck.core.linear import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta
-from actin_xcheck.core.work import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.runs.accuracy import AccuracyLevel
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import Method, find_method

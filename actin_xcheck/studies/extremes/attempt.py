@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from actin_xcheck.core.contract import Grid, Problem, Solver, State
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.lagrange import rule
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import March, Moment, checked_step
 from actin_xcheck.runs.method import METHODS, SHAPES, SOUNDNESS, Method, load

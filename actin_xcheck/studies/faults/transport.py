@@ -8,8 +8,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse.linalg as spl
 
+from actin_xcheck.core.errors import COMPLETED, Outcome
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import COMPLETED, Outcome
 from actin_xcheck.studies.faults.fault import Fault, Function
 
 LOOSE = 1e-3

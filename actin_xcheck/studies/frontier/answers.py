@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from actin_xcheck.core.contract import Probes
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel, estimated
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import find_method

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from actin_xcheck.core.errors import UserError, brief
+from actin_xcheck.core.errors import Ending, UserError, brief
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.core.outcome import Ending
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Wanted, run_seconds

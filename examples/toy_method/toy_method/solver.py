@@ -13,10 +13,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from actin_xcheck.core.contract import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.linear import solve
 from actin_xcheck.core.mesh import Mesh, orientation, signed_areas
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.outcome import Outcome
 
 
 class LumpedMidpoint(Polygonal):
