@@ -21,9 +21,9 @@ from actin_xcheck.studies import stored
 from actin_xcheck.studies.converge.plan import Level, Refined, Truth, final, refinements_of
 from actin_xcheck.studies.converge.study import Error, Order, claim_of, converge
 from actin_xcheck.studies.page import write_page
-from actin_xcheck.verdicts import conditions
+from actin_xcheck.verdicts import orders
+from actin_xcheck.verdicts.known import Quantity, error_of
 from actin_xcheck.verdicts.orders import Verdict, local_orders
-from actin_xcheck.verdicts.quantities import Quantity, error_of
 from tests.faults import FAULTS
 from tests.lab import FEM, FV, scene_of
 from tests.studies import carry
@@ -114,9 +114,9 @@ def test_high_orders_in_time_are_claimed_where_all_conditions_are_met():
 
 def test_the_flux_of_change_is_the_exact_one():
     """Of `stirred` on the rim n.grad(da/dt) = -4 omega A sin theta, at most 1.6 at t = 0."""
-    assert conditions._flux_of_change(load_scene("stirred")) == pytest.approx(1.6, rel=1e-4)
+    assert orders._flux_of_change(load_scene("stirred")) == pytest.approx(1.6, rel=1e-4)
     for name in ("growing-disk", "manufactured-moving"):
-        assert conditions._flux_of_change(load_scene(name)) < conditions._NOTHING / 5
+        assert orders._flux_of_change(load_scene(name)) < orders._NOTHING / 5
 
 
 @pytest.mark.parametrize(
@@ -130,8 +130,8 @@ def test_the_flux_of_change_is_the_exact_one():
 )
 def test_a_ring_that_data_do_not_fit_is_seen(this, other):
     text = load_scene("fitted-ring").text
-    assert conditions._starts_smoothly(load_scene("fitted-ring"))
-    assert not conditions._starts_smoothly(parse_scene(text.replace(this, other), "other.toml"))
+    assert orders._starts_smoothly(load_scene("fitted-ring"))
+    assert not orders._starts_smoothly(parse_scene(text.replace(this, other), "other.toml"))
 
 
 def test_without_arguments_every_method_that_moves_its_nodes_is_studied():

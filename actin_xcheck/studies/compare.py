@@ -17,8 +17,8 @@ from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Ran, Stored, companions_of
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted, read_claims
 from actin_xcheck.verdicts.judge import again, judge
-from actin_xcheck.verdicts.known_to import KnownTo, known_to
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, triangulate
+from actin_xcheck.verdicts.uncertainty import KnownTo, known_to
 
 FILE_NAME = "compare.h5"
 

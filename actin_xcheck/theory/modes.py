@@ -1,5 +1,6 @@
 """Neumann eigenmodes of the unit disk: (A.1), Remark A.1 and Table 6, with the article's numbering."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Self
@@ -7,7 +8,8 @@ from typing import Self
 import numpy as np
 from scipy.special import j0, jnp_zeros, jv, jvp, yvp
 
-from actin_xcheck.core.model import Array
+from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.core.parameters import Parameters
 
 
 @lru_cache(maxsize=4096)
@@ -112,3 +114,40 @@ def modes_below(k: float) -> tuple[Mode, ...]:
     count[0] += 1  # the uniform mode
     modes = (Mode(m, n) for m, zeros in enumerate(count) for n in range(1, zeros + 1))
     return tuple(sorted(modes, key=lambda mode: mode.k))
+
+
+def contrast(parameters: Parameters) -> float:
+    """Return kappa = (mu1/2)/(mu1 + mu2), 0.139 for Table 2."""
+    return parameters.mu1 / 2 / parameters.mu
+
+
+def half_plane_rate(closure: Closure, parameters: Parameters, speed: float, wavenumber: float) -> float:
+    """Growth rate of a ripple on a rim that advances with `speed`, to leading order in |k|.
+
+    ValueError for `irrotational-wall`, whose rim does not move.
+    """
+    return contrast(parameters) * speed * abs(wavenumber) if _follows_the_rim(closure) else 0.0
+
+
+def ripple_exponent(closure: Closure, parameters: Parameters, m: int) -> float:
+    """Return gamma: the amplitude of cos m theta, m >= 1, on a uniformly swelling disk goes like R^gamma.
+
+    ValueError for m < 1 and for `irrotational-wall`, whose rim does not move.
+    """
+    if m < 1:
+        raise ValueError(f"m = {m} is no ripple; valid: 1, 2, ...")
+    if not _follows_the_rim(closure):
+        return 0.0 if closure is Closure.TRACTION_FREE and m == 1 else 1.0
+    kappa = contrast(parameters)
+    return kappa * (m**2 - 1) / (m - kappa)
+
+
+def advance_per_fold(parameters: Parameters) -> float:
+    """How far, in wavelengths, a rim advances under `current-normal` while its ripples grow by e."""
+    return 1 / (2 * math.pi * contrast(parameters))
+
+
+def _follows_the_rim(closure: Closure) -> bool:
+    if closure is Closure.IRROTATIONAL_WALL:
+        raise ValueError(f"'{closure}' holds the rim still: there is no ripple to follow")
+    return closure is Closure.CURRENT_NORMAL

@@ -19,8 +19,8 @@ from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.eigenfields import growth_rate
-from actin_xcheck.verdicts.conditions import orders_lost_in_h, why_not
-from actin_xcheck.verdicts.quantities import Quantity
+from actin_xcheck.verdicts.known import Quantity
+from actin_xcheck.verdicts.orders import orders_lost_in_h, why_not
 
 REFINES = (1, 2, 3, 4, 5)
 """Meshes of 64 to 16384 cells."""

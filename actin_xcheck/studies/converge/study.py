@@ -15,8 +15,8 @@ from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.studies.converge.plan import Refined, Refinement, Truth
 from actin_xcheck.studies.study import Report, Study, Table, Task
+from actin_xcheck.verdicts.known import change_between, error_of
 from actin_xcheck.verdicts.orders import TOLERANCE, Verdict, observe
-from actin_xcheck.verdicts.quantities import change_between, error_of
 
 
 @dataclass(frozen=True)
