@@ -21,7 +21,7 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.verdicts.judge import reference_errors
+from actin_xcheck.verdicts.known import reference_errors
 from benchmarks import plain_skfem
 
 SCENE, PAPER = load_scene("fig14-four-fronts"), METHODS["fem-p1-paper"]

@@ -13,7 +13,7 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
-from actin_xcheck.verdicts.judge import l2_error
+from actin_xcheck.verdicts.known import l2_error
 
 SCENE, METHOD = "static-decay", "fem-p1-paper"
 

@@ -7,6 +7,7 @@ import pytest
 
 from actin_xcheck import cross_check
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.runs.method import METHODS
@@ -24,7 +25,6 @@ from actin_xcheck.studies.extremes.attempt import Level, Trial
 from actin_xcheck.studies.extremes.study import extremes
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.hunt import hunt
-from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import Report, write_report
 from tests.frontiers import small
 from tests.lab import FEM, FV

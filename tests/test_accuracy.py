@@ -13,8 +13,7 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.verdicts.judge import reference_errors
-from actin_xcheck.verdicts.known import known
+from actin_xcheck.verdicts.known import known, reference_errors
 from tests.lab import scene_of
 
 REFERENCED = (

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from actin_xcheck.cli.app import app
 from actin_xcheck.core.errors import Ending
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.runs.processes import Lost, work_alone
@@ -27,8 +28,7 @@ from actin_xcheck.studies.chart.measure import QUICK, Asked, Plan, cloud, ladder
 from actin_xcheck.studies.chart.plots import SIGNS, Row
 from actin_xcheck.studies.chart.study import chart, default_methods
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
-from actin_xcheck.studies.page import write_page
-from actin_xcheck.verdicts.judge import l2_error
+from actin_xcheck.verdicts.known import l2_error
 from tests.lab import FEM, FV, scene_of
 from tests.studies import carry, here
 

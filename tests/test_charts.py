@@ -10,9 +10,9 @@ import pytest
 from playwright.sync_api import Page
 
 from actin_xcheck.report.draw import draw
-from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Intervals, Line, Plot
 from actin_xcheck.report.figure import INK, RED, figure
+from actin_xcheck.report.page import environment
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from tests.browser import complaints
 from tests.legible import unreadable

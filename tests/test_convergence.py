@@ -11,6 +11,7 @@ from actin_xcheck.cli import studies as commands
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.records import read_record, read_table, write_record
@@ -20,7 +21,6 @@ from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies import stored
 from actin_xcheck.studies.converge.plan import Level, Refined, Truth, final, refinements_of
 from actin_xcheck.studies.converge.study import Error, Order, claim_of, converge
-from actin_xcheck.studies.page import write_page
 from actin_xcheck.verdicts import orders
 from actin_xcheck.verdicts.known import Quantity, error_of
 from actin_xcheck.verdicts.orders import Verdict, local_orders

@@ -5,6 +5,7 @@ import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk, signed_areas
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
@@ -15,7 +16,6 @@ from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
 from actin_xcheck.studies.distort.study import distort
-from actin_xcheck.studies.page import write_page
 from fem.kernels import CellRule
 from fem.space import Space
 from fv.diamond import over_relaxed_split, vertex_interpolation

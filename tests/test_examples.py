@@ -25,7 +25,7 @@ from actin_xcheck.studies.distort.cases import FAMILIES, answer_of, cases_of
 from actin_xcheck.studies.frontier.limits import AMPLITUDE, lines_of, theory_chapter
 from actin_xcheck.studies.frontier.planes import plane_of
 from actin_xcheck.studies.study import carry_out_here
-from actin_xcheck.verdicts.judge import l2_error
+from actin_xcheck.verdicts.known import l2_error
 from actin_xcheck.verdicts.orders import Verdict
 from tests import test_contract
 from tests.lab import error_against, film_of, local_orders, play, scene_of

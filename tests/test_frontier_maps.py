@@ -13,6 +13,7 @@ from actin_xcheck.cli.app import main
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.report.exhibits import Line
 from actin_xcheck.report.lattice import colour_of
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
@@ -21,7 +22,6 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.frontier.answers import Kind
 from actin_xcheck.studies.frontier.planes import check, plane_of, point_of
 from actin_xcheck.studies.frontier.study import shares, words_of
-from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import write_report
 from tests.frontiers import FIG14, METHODS_SHOWN, TINY, searched, small
 from tests.lab import FEM, scene_of

@@ -19,12 +19,12 @@ from actin_xcheck.nightly.history import Judged, append, judged_in, read_claims,
 from actin_xcheck.nightly.items import Group, group_of
 from actin_xcheck.nightly.plan import past
 from actin_xcheck.nightly.record import FILE_NAME, Done, read_night
+from actin_xcheck.report.page import read_claims as claims_in
 from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import writing
 from actin_xcheck.studies.checks import Compared
 from actin_xcheck.studies.journal import Journal
 from actin_xcheck.studies.study import begin_anew
-from actin_xcheck.studies.study import read_claims as claims_in
 from tests import nights
 from tests.claims import claim
 from tests.histories import night

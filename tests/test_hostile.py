@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from actin_xcheck.core.errors import LONGEST, Ending, Outcome, UserError, brief
 from actin_xcheck.report.draw import draw
-from actin_xcheck.report.environment import environment
 from actin_xcheck.report.exhibits import Line, Plot, Sheet
+from actin_xcheck.report.page import environment
 from actin_xcheck.scene.expression import MAX_CALLS, Expression, coordinates
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.scene.shelf import MAX_SIZE

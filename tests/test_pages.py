@@ -11,9 +11,9 @@ from playwright.sync_api import Page
 
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.report.draw import Drawing
-from actin_xcheck.report.environment import environment
 from actin_xcheck.report.figure import STYLES
 from actin_xcheck.report.lattice import colour_of
+from actin_xcheck.report.page import environment
 from actin_xcheck.studies.frontier.answers import Kind
 from tests.browser import complaints
 from tests.colours import SEEN, lab, linear

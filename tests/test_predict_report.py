@@ -18,7 +18,6 @@ from actin_xcheck.cli import predict
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.report.draw import draw
-from actin_xcheck.report.exhibit_file import read_chapters, write_exhibits
 from actin_xcheck.report.exhibits import (
     Chapter,
     Exhibit,
@@ -31,10 +30,12 @@ from actin_xcheck.report.exhibits import (
     Sheet,
     Shot,
     Shots,
+    read_chapters,
+    write_exhibits,
 )
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.store import reading
-from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import Report, write_report
 from actin_xcheck.studies.theory.study import Drawn
 from tests.browser import complaints

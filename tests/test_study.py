@@ -21,13 +21,13 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.executor import executor, in_turn
 from actin_xcheck.runs.processes import Lost, work_alone
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies import journal
 from actin_xcheck.studies import study as studies
-from actin_xcheck.studies.page import write_page
 from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, at_work, counted, study_file
 from tests.claims import claim
 from tests.processes import InTurn, cluster

@@ -15,8 +15,8 @@ from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.converge.plan import final
-from actin_xcheck.verdicts.judge import judge, reference_errors
-from actin_xcheck.verdicts.known import known
+from actin_xcheck.verdicts.judge import judge
+from actin_xcheck.verdicts.known import known, reference_errors
 from actin_xcheck.verdicts.triangulate import Levels, triangulate
 from tests.claims import claim
 from tests.lab import FEM, FV

@@ -129,7 +129,7 @@ def page_of(file: Path) -> Path:
     elif file.name == "compare.h5":
         from actin_xcheck.studies.compare_page import write_comparison_page as write
     else:
-        from actin_xcheck.studies.page import write_page as write
+        from actin_xcheck.report.page import write_page as write
     return write(file)
 
 

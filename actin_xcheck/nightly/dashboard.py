@@ -19,9 +19,9 @@ from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import Counted, Judged, Series, read_claims, read_nights, read_series
 from actin_xcheck.nightly.items import COMPARISON, Group, group_of
 from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, NotRun, nights_in, read_night, short
-from actin_xcheck.report.cells import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
-from actin_xcheck.report.environment import environment, put_page
+from actin_xcheck.report.draw import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.film import on_triangles
+from actin_xcheck.report.page import environment, put_page
 from actin_xcheck.runs.executor import work_off
 from actin_xcheck.runs.processes import Report
 from actin_xcheck.studies.compare import read_comparison

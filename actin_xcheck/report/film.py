@@ -16,7 +16,7 @@ from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from actin_xcheck.core.model import Array
-from actin_xcheck.report.cells import (
+from actin_xcheck.report.draw import (
     DIVERGING,
     SEQUENTIAL,
     Brush,

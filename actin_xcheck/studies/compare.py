@@ -9,16 +9,16 @@ from typing import Any
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.report.page import read_claims
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import suited
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Ran, Stored, companions_of
-from actin_xcheck.studies.study import Report, Study, Table, Task, counted, read_claims
-from actin_xcheck.verdicts.judge import again, judge
+from actin_xcheck.studies.study import Report, Study, Table, Task, counted
+from actin_xcheck.verdicts.judge import KnownTo, again, judge, known_to
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, triangulate
-from actin_xcheck.verdicts.uncertainty import KnownTo, known_to
 
 FILE_NAME = "compare.h5"
 

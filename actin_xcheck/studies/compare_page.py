@@ -13,10 +13,10 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import CAVEATS
 from actin_xcheck.report.draw import Drawing, draw
-from actin_xcheck.report.environment import environment, put_page
 from actin_xcheck.report.exhibits import Intervals, Line, Plot
 from actin_xcheck.report.figure import STYLES, Style
 from actin_xcheck.report.film import FilmStrip, film_data, film_strip
+from actin_xcheck.report.page import environment, put_page
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare import Comparison, read_comparison

@@ -20,15 +20,14 @@ from typing import Any, get_type_hints
 
 import h5py
 
-from actin_xcheck.core.claim import Claim, Unnamed
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
-from actin_xcheck.report.exhibit_file import write_chapters
-from actin_xcheck.report.exhibits import Chapter
+from actin_xcheck.report.exhibits import Chapter, write_chapters
 from actin_xcheck.runs.executor import Executor
 from actin_xcheck.runs.processes import Lost, portable, prepare, work_alone
 from actin_xcheck.runs.provenance import ONE_AT_A_TIME, check_code, code, provenance
-from actin_xcheck.runs.records import read_table, write_table
+from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import state, writing
 from actin_xcheck.studies.journal import FILE_NAME, Journal, files_in, key_of, reports_in, stated
 
@@ -224,14 +223,6 @@ def write_report(path: Path, name: str, report: Report, command: str) -> None:
         write_chapters(file.create_group("exhibits", track_order=True), report.chapters)
         for place, target in report.links.items():
             file[place] = h5py.ExternalLink(target, "/")
-
-
-def read_claims(file: h5py.File) -> list[Claim]:
-    """The claims of a report, whether or not it was written before they had kinds."""
-    group = file["claims"]
-    if "kind" in group or not len(group):
-        return read_table(group, Claim)
-    return [one.named for one in read_table(group, Unnamed)]
 
 
 @dataclass(frozen=True)

@@ -5,24 +5,24 @@ themselves are the business of convergence studies.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
-from actin_xcheck.core import lagrange
 from actin_xcheck.core.claim import Claim, ClaimKind
-from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import Run
-from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.scene.tables import Bound
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.theory.growth import fit_growth
+from actin_xcheck.verdicts.known import cell_difference, known, l2_error, reference_errors
+from actin_xcheck.verdicts.triangulate import Levels, estimate, reaches
 
 CONSERVATION_BOUND = 1e-12
 
@@ -272,48 +272,6 @@ def _complex(rate: complex) -> str:
     return f"{rate.real:.4f}" + (f" ± {rate.imag:.4f}i" if rate.imag else "")
 
 
-def l2_error(scene: Scene, run: Run) -> float:
-    """Relative L2 error at the end against `[expect.exact]`.
-
-    Of the P_k field on its curved cells for finite elements, of cell averages for finite volumes.
-    """
-    assert scene.expect.exact is not None
-    rule = lagrange.rule(run.order, 4 * run.order - 2)  # exact for the square of the field
-    x, xi, a = (rule.blend(nodal, run.cells) for nodal in (run.points[-1], run.xi, run.a_points[-1]))
-    exact = in_scene_frame(scene, scene.expect.exact.a, x, xi, float(run.times[-1]))
-    dx = rule.dx(run.points[-1], run.cells)
-    if run.family == "fv":
-        areas = dx.sum(axis=0)
-        exact = (exact * dx).sum(axis=0) / areas
-        return float(np.sqrt(areas @ (run.a_cells[-1] - exact) ** 2 / (areas @ exact**2)))
-    return float(np.sqrt(((a - exact) ** 2 * dx).sum() / (exact**2 * dx).sum()))
-
-
-def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
-    """Largest error over the reference times: relative for area and total actin, absolute for probes.
-
-    nan where the run did not reach a reference time that is judged; a quantity none of whose values is judged
-    (they are nan in the scene) has none.
-    """
-    assert scene.expect.reference is not None
-    errors: dict[str, list[float]] = {}
-    for at in scene.expect.reference.at:
-        row = int(np.argmin(np.abs(run.series["time"] - at.time)))
-        reached = abs(run.series["time"][row] - at.time) < 1e-9
-        for quantity in ("area", "total_actin", "probe_a", "probe_x"):
-            expected = getattr(at, quantity)
-            if expected is None:
-                continue
-            got: Array = run.series[quantity][row]
-            if quantity == "probe_x":
-                got = got @ turn_matrix(scene)
-            scale = expected if quantity in {"area", "total_actin"} else 1.0
-            difference = np.abs(np.asarray(got) - np.asarray(expected, dtype=float)) / scale
-            judged = np.isfinite(np.asarray(expected, dtype=float))
-            errors.setdefault(quantity, []).extend(difference[judged] if reached else judged[judged] * np.nan)
-    return {quantity: float(np.max(values)) for quantity, values in errors.items() if values}
-
-
 def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:
     """Whether two codes give the same concentration in the same material cells at the end."""
     (name, first), (other_name, second) = one, other
@@ -340,8 +298,62 @@ def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> It
     )
 
 
-def cell_difference(first: Run, second: Run) -> float:
-    """Relative L2 difference of the cell averages of two runs at their last frames, in `first`'s areas."""
-    areas = lagrange.areas(first.points[-1], first.cells)
-    difference = first.a_cells[-1] - second.a_cells[-1]
-    return float(np.sqrt(areas @ difference**2 / (areas @ first.a_cells[-1] ** 2)))
+WELL = 0.01
+"""Relative: integrals that are known less well are no success, whatever holds of them."""
+
+
+@dataclass(frozen=True)
+class KnownTo:
+    """To what a scene's integrals are known by the worst of its runs.
+
+    Attributes
+    ----------
+    scene : its name.
+    area, total_actin : the largest relative error over runs and output times; nan where not known.
+    """
+
+    scene: str
+    area: float
+    total_actin: float
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """By quantity."""
+        return {"area": self.area, "total_actin": self.total_actin}
+
+    @property
+    def is_well(self) -> bool:
+        """Whether all integrals are known to 1 % or better."""
+        return all(error <= WELL for error in self.errors.values())
+
+    @property
+    def sentence(self) -> str:
+        """In percent, for a reader."""
+        said = (
+            f"{name.replace('_', ' ')} {'not known' if np.isnan(error) else f'known to {100 * error:.2g} %'}"
+            for name, error in self.errors.items()
+        )
+        return f"{self.scene}: {', '.join(said)}"
+
+
+def known_to(scene: Scene, levels: Sequence[Levels]) -> KnownTo:
+    """To what a scene's integrals are known by its runs.
+
+    An error is the distance to theory where that knows the number, else the uncertainty from coarser runs.
+    """
+
+    def worst(quantity: str) -> float:
+        errors = (_integral_error(scene, one, quantity, t) for one in levels for t in scene.output_times)
+        return max(errors, key=lambda error: np.inf if np.isnan(error) else error)
+
+    return KnownTo(scene.name, worst("area"), worst("total_actin"))
+
+
+def _integral_error(scene: Scene, levels: Levels, quantity: str, t: float) -> float:
+    if not reaches(levels.runs[0], t):
+        return np.nan
+    values, error, _ = estimate(scene, levels, quantity, t)
+    theory = known(scene, quantity, t)
+    if theory is not None and np.isfinite(theory.values[0]):
+        error = float(abs(values[0] - theory.values[0])) + theory.uncertainty
+    return error / abs(float(values[0]))

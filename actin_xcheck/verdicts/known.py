@@ -1,4 +1,4 @@
-"""What is known of a scene without running it: reference values, an exact solution, an exact mode."""
+"""What is known of a scene without running it, as references or an exact mode, and how far runs are off."""
 
 import tomllib
 from dataclasses import dataclass
@@ -10,14 +10,15 @@ from typing import Literal
 import numpy as np
 from numpy.polynomial import legendre
 
+from actin_xcheck.core import lagrange
 from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.core.parameters import Closure
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.expression import coordinates
+from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.theory.growth import fit_growth
-from actin_xcheck.verdicts.judge import cell_difference, l2_error, reference_errors
-from actin_xcheck.verdicts.orders import ROUND_OFF
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits at most."""
@@ -208,3 +209,56 @@ def _fitted_rate(scene: Scene, run: Run) -> complex:
         return fit_growth(series["time"], series["mode_amplitude"], expected.window, exponentials).rate
     except ValueError:
         return complex("nan")
+
+
+def l2_error(scene: Scene, run: Run) -> float:
+    """Relative L2 error at the end against `[expect.exact]`.
+
+    Of the P_k field on its curved cells for finite elements, of cell averages for finite volumes.
+    """
+    assert scene.expect.exact is not None
+    rule = lagrange.rule(run.order, 4 * run.order - 2)  # exact for the square of the field
+    x, xi, a = (rule.blend(nodal, run.cells) for nodal in (run.points[-1], run.xi, run.a_points[-1]))
+    exact = in_scene_frame(scene, scene.expect.exact.a, x, xi, float(run.times[-1]))
+    dx = rule.dx(run.points[-1], run.cells)
+    if run.family == "fv":
+        areas = dx.sum(axis=0)
+        exact = (exact * dx).sum(axis=0) / areas
+        return float(np.sqrt(areas @ (run.a_cells[-1] - exact) ** 2 / (areas @ exact**2)))
+    return float(np.sqrt(((a - exact) ** 2 * dx).sum() / (exact**2 * dx).sum()))
+
+
+def reference_errors(scene: Scene, run: Run) -> dict[str, float]:
+    """Largest error over the reference times: relative for area and total actin, absolute for probes.
+
+    nan where the run did not reach a reference time that is judged; a quantity none of whose values is judged
+    (they are nan in the scene) has none.
+    """
+    assert scene.expect.reference is not None
+    errors: dict[str, list[float]] = {}
+    for at in scene.expect.reference.at:
+        row = int(np.argmin(np.abs(run.series["time"] - at.time)))
+        reached = abs(run.series["time"][row] - at.time) < 1e-9
+        for quantity in ("area", "total_actin", "probe_a", "probe_x"):
+            expected = getattr(at, quantity)
+            if expected is None:
+                continue
+            got: Array = run.series[quantity][row]
+            if quantity == "probe_x":
+                got = got @ turn_matrix(scene)
+            scale = expected if quantity in {"area", "total_actin"} else 1.0
+            difference = np.abs(np.asarray(got) - np.asarray(expected, dtype=float)) / scale
+            judged = np.isfinite(np.asarray(expected, dtype=float))
+            errors.setdefault(quantity, []).extend(difference[judged] if reached else judged[judged] * np.nan)
+    return {quantity: float(np.max(values)) for quantity, values in errors.items() if values}
+
+
+def cell_difference(first: Run, second: Run) -> float:
+    """Relative L2 difference of the cell averages of two runs at their last frames, in `first`'s areas."""
+    areas = lagrange.areas(first.points[-1], first.cells)
+    difference = first.a_cells[-1] - second.a_cells[-1]
+    return float(np.sqrt(areas @ difference**2 / (areas @ first.a_cells[-1] ** 2)))
+
+
+ROUND_OFF = 1e-12
+"""Relative errors of this size are round-off unless a study says otherwise."""

@@ -23,7 +23,8 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import linregress, t
+from scipy.stats import linregress
+from scipy.stats import t as student
 
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import CAVEATS, Closure, Delta, Rheology
@@ -31,7 +32,7 @@ from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import in_scene_frame, resolve
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.verdicts.known import Quantity
+from actin_xcheck.verdicts.known import ROUND_OFF, Quantity
 
 TOLERANCE = 0.15
 """Of the last two local orders about the declared one."""
@@ -40,8 +41,6 @@ APPROACHES = 0.75
 """The most that may be left, from one level to the next, of a local order's distance to the declared one."""
 
 CONFIDENCE = 0.95
-ROUND_OFF = 1e-12
-"""Relative errors of this size are round-off unless a study says otherwise."""
 
 
 class Verdict(StrEnum):
@@ -128,7 +127,7 @@ def _fit(steps: Array, errors: Array, floor: float) -> tuple[float, float, float
     if used.sum() == 2:
         return float(local_orders(steps[used], errors[used])[0]), np.nan, np.nan
     fit = linregress(np.log(steps[used]), np.log(errors[used]))
-    half = float(t.ppf((1 + CONFIDENCE) / 2, used.sum() - 2) * fit.stderr)
+    half = float(student.ppf((1 + CONFIDENCE) / 2, used.sum() - 2) * fit.stderr)
     return float(fit.slope), float(fit.slope - half), float(fit.slope + half)
 
 

@@ -113,9 +113,8 @@ def write_audit_page(path: Path) -> Path:
     UserError where the file is missing or not whole.
     """
     from actin_xcheck.report.draw import Drawing
-    from actin_xcheck.report.environment import environment, put_page
-    from actin_xcheck.report.exhibit_file import read_chapters
-    from actin_xcheck.studies.page import drawn
+    from actin_xcheck.report.exhibits import read_chapters
+    from actin_xcheck.report.page import drawn, environment, put_page
 
     with reading(path, "audit") as file:
         attributes = {

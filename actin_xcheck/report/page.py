@@ -1,20 +1,70 @@
-"""The page of a study, from its file alone: what it comes to, its claims, what it draws, its tables."""
+"""Pages: what all have in common, and that of a study, made from its file alone."""
 
+import gzip
+import json
+import math
+import os
 import re
+from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import h5py
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
+from actin_xcheck.core.claim import Claim, Unnamed
+from actin_xcheck.core.files import replace_file
 from actin_xcheck.report.draw import Drawing, draw
-from actin_xcheck.report.environment import environment, put_page
-from actin_xcheck.report.exhibit_file import read_chapters
-from actin_xcheck.report.exhibits import Chapter
+from actin_xcheck.report.exhibits import Chapter, read_chapters
+from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
-from actin_xcheck.studies.study import read_claims
+
+
+def environment(folder: Path) -> Environment:
+    """Return the environment of a page that will stand in `folder`: escapes everything, defaults nothing.
+
+    Filters: `number` (three digits), `link` (a path relative to the page), `from_json`.
+    Functions: `static` (the text of a script or style sheet of ours, for it is part of the page), `packed` (a
+    library's, by gzip and in base64, for it would be most of the page).
+    """
+    made = Environment(
+        loader=PackageLoader("actin_xcheck.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
+    made.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
+    made.filters["from_json"] = json.loads
+    made.globals |= {"static": _static, "packed": _packed}
+    return made
+
+
+def _static(name: str) -> Markup:
+    """A file of `static/` as it is."""
+    return Markup((files("actin_xcheck.report") / "static" / name).read_text(encoding="utf-8"))
+
+
+@cache
+def _packed(name: str) -> Markup:
+    """A file of `static/` for a script to unpack."""
+    text = (files("actin_xcheck.report") / "static" / name).read_bytes()
+    return Markup(b64encode(gzip.compress(text, mtime=0)).decode())
+
+
+def put_page(folder: Path, text: str) -> Path:
+    """Write `folder/index.html`, whole or not at all, and return its path; UserError where that cannot be."""
+    page = folder / "index.html"
+    replace_file(page, text.encode("utf-8"))
+    return page
+
 
 _SCORE = re.compile(r"\d+ of \d+")
 """What a title may begin with, and the page is coloured by."""
@@ -110,3 +160,11 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "–" if value != value else f"{value:.5g}"
     return str(value)
+
+
+def read_claims(file: h5py.File) -> list[Claim]:
+    """The claims of a report, whether or not it was written before they had kinds."""
+    group = file["claims"]
+    if "kind" in group or not len(group):
+        return read_table(group, Claim)
+    return [one.named for one in read_table(group, Unnamed)]
