@@ -20,11 +20,11 @@ from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene, load_scene, load_scenes
 from actin_xcheck.studies import compare as comparison
+from actin_xcheck.studies import sweep as sweeping
 from actin_xcheck.studies.compare import Comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.study import at_work, carry_out
-from actin_xcheck.studies.sweep import study as sweeping
-from actin_xcheck.studies.sweep.study import SweepTable
+from actin_xcheck.studies.sweep import SweepTable
 
 __all__ = ["cross_check", "load", "render", "run", "sweep"]
 

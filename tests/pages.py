@@ -12,17 +12,17 @@ from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.audit import ROWS, paper, write_audit_page
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row
-from actin_xcheck.studies.audit.study import ROWS, paper, write_audit_page
-from actin_xcheck.studies.chart.study import chart
-from actin_xcheck.studies.closures.study import closures
+from actin_xcheck.studies.chart import chart
+from actin_xcheck.studies.closures import closures
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
 from actin_xcheck.studies.compare_page import write_comparison_page
-from actin_xcheck.studies.converge.study import converge
+from actin_xcheck.studies.converge import converge
+from actin_xcheck.studies.distort import distort
 from actin_xcheck.studies.distort.cases import FAMILIES
-from actin_xcheck.studies.distort.study import distort
+from actin_xcheck.studies.extremes import extremes
 from actin_xcheck.studies.extremes.attempt import Level, Trial
-from actin_xcheck.studies.extremes.study import extremes
 from actin_xcheck.studies.faults.catalogue import FAULTS
 from actin_xcheck.studies.faults.hunt import hunt
 from actin_xcheck.studies.study import Report, write_report

@@ -9,6 +9,7 @@ from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Regions
 from actin_xcheck.report.figure import BANDS
+from actin_xcheck.studies.theory import errata_sheet
 from actin_xcheck.studies.theory.figures import (
     DAMPED,
     INFINITE,
@@ -21,7 +22,6 @@ from actin_xcheck.studies.theory.figures import (
     pictures,
     plots,
 )
-from actin_xcheck.studies.theory.study import errata_sheet
 from actin_xcheck.theory.borders import cell_branches, prove
 from actin_xcheck.theory.dispersion import Version, growth_rates, sigma_prime
 from actin_xcheck.theory.exact import DiskModes

@@ -17,7 +17,7 @@ from actin_xcheck.runs.method import FORCE_BALANCE, load
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.audit import runs
+from actin_xcheck.studies.audit import ROWS, Entry, paper, runs, write_audit_page
 from actin_xcheck.studies.audit.checks import FAILS, HOLDS, OPEN, Check, judged
 from actin_xcheck.studies.audit.readouts import (
     area_change,
@@ -30,7 +30,6 @@ from actin_xcheck.studies.audit.readouts import (
 from actin_xcheck.studies.audit.row import Finding, Judgement, Row, article, table
 from actin_xcheck.studies.audit.runs import FEM, Cell, Evidence, Family, Limit
 from actin_xcheck.studies.audit.scheme import UnprojectedKrylov
-from actin_xcheck.studies.audit.study import ROWS, Entry, paper, write_audit_page
 from actin_xcheck.studies.stored import run_stored
 from tests.studies import carry
 

@@ -7,10 +7,9 @@ import pytest
 
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Delta, Model
-from actin_xcheck.studies.audit import figures, linear, row, stability
+from actin_xcheck.studies.audit import ROWS, figures, linear, row, stability
 from actin_xcheck.studies.audit.row import Finding, Judgement, answer, examined
 from actin_xcheck.studies.audit.sample import Triangles, disk_quadrature, rounds_to
-from actin_xcheck.studies.audit.study import ROWS
 from actin_xcheck.theory.dispersion import Version, isolated_modes, sigma_prime
 from actin_xcheck.theory.modes import Mode
 

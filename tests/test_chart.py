@@ -24,9 +24,9 @@ from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.studies.chart import chart, default_methods
 from actin_xcheck.studies.chart.measure import QUICK, Asked, Plan, cloud, ladder, measured, published
 from actin_xcheck.studies.chart.plots import SIGNS, Row
-from actin_xcheck.studies.chart.study import chart, default_methods
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.verdicts.known import l2_error
 from tests.lab import FEM, FV, scene_of
@@ -344,7 +344,7 @@ def of_points(scene, points, folder, reference=TINY.reference):
     (method,) = {point.method for point in points}
     plan = replace(TINY, reference=reference, budget=np.inf)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("actin_xcheck.studies.chart.study.ladder", lambda *asked: list(points))
+        patch.setattr("actin_xcheck.studies.chart.ladder", lambda *asked: list(points))
         return carry(folder, chart(scene, [method], plan), name="chart")
 
 

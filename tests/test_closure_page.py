@@ -14,6 +14,7 @@ from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.closures import METHODS, ROUGH_SCENE, Followed, Ripple, closures, plan
 from actin_xcheck.studies.closures import measure as growth
 from actin_xcheck.studies.closures.findings import (
     JUDGED,
@@ -21,7 +22,6 @@ from actin_xcheck.studies.closures.findings import (
     ladders,
 )
 from actin_xcheck.studies.closures.measure import Course, Rim, Ripples, distance, follow, measure, roughness
-from actin_xcheck.studies.closures.study import METHODS, ROUGH_SCENE, Followed, Ripple, closures, plan
 from actin_xcheck.studies.study import write_report
 from actin_xcheck.theory.modes import advance_per_fold, contrast, half_plane_rate, ripple_exponent
 from fem.force_balance import ForceBalance

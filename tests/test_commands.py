@@ -19,10 +19,10 @@ from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import compare as comparison
-from actin_xcheck.studies.audit.study import Entry
+from actin_xcheck.studies.audit import Entry
 from actin_xcheck.studies.checks import SUITE, Reduced, Studied, Tolerated
 from actin_xcheck.studies.closures.measure import Course, follow
-from actin_xcheck.studies.converge.study import Error, Order
+from actin_xcheck.studies.converge import Error, Order
 from actin_xcheck.studies.distort.cases import FAMILIES, answer_of, cases_of
 from actin_xcheck.studies.extremes.attempt import trials
 from actin_xcheck.studies.study import carry_out_here

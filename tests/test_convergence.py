@@ -19,8 +19,8 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies import stored
+from actin_xcheck.studies.converge import Error, Order, claim_of, converge
 from actin_xcheck.studies.converge.plan import Level, Refined, Truth, final, refinements_of
-from actin_xcheck.studies.converge.study import Error, Order, claim_of, converge
 from actin_xcheck.verdicts import orders
 from actin_xcheck.verdicts.known import Quantity, error_of
 from actin_xcheck.verdicts.orders import Verdict, local_orders

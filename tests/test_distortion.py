@@ -14,8 +14,8 @@ from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.outline import Fit, read_mesh
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.distort import distort
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
-from actin_xcheck.studies.distort.study import distort
 from fem.kernels import CellRule
 from fem.space import Space
 from fv.diamond import over_relaxed_split, vertex_interpolation

@@ -19,8 +19,8 @@ from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
+from actin_xcheck.studies.converge import converge
 from actin_xcheck.studies.converge.plan import refinements_of
-from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.distort.cases import FAMILIES, answer_of, cases_of
 from actin_xcheck.studies.frontier.limits import AMPLITUDE, lines_of, theory_chapter
 from actin_xcheck.studies.frontier.planes import plane_of

@@ -11,6 +11,7 @@ from actin_xcheck.core.mesh import disk
 from actin_xcheck.report.page import write_page
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text
+from actin_xcheck.studies.extremes import agreement, breakdowns, extremes
 from actin_xcheck.studies.extremes.attempt import (
     BREAKDOWNS,
     CARRIED,
@@ -21,7 +22,6 @@ from actin_xcheck.studies.extremes.attempt import (
     least_dilation,
     trials,
 )
-from actin_xcheck.studies.extremes.study import agreement, breakdowns, extremes
 from actin_xcheck.studies.study import answered, write_report
 from fem.fields import Lattice
 from fem.space import Space

@@ -19,9 +19,9 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.frontier import shares, words_of
 from actin_xcheck.studies.frontier.answers import Kind
 from actin_xcheck.studies.frontier.planes import check, plane_of, point_of
-from actin_xcheck.studies.frontier.study import shares, words_of
 from actin_xcheck.studies.study import write_report
 from tests.frontiers import FIG14, METHODS_SHOWN, TINY, searched, small
 from tests.lab import FEM, scene_of

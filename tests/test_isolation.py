@@ -84,7 +84,7 @@ def test_a_run_loads_its_solver_and_what_stores_it(method, other, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "module", ["distort.cases", "extremes.attempt", "closures.measure", "frontier.answers", "sweep.study"]
+    "module", ["distort.cases", "extremes.attempt", "closures.measure", "frontier.answers", "sweep"]
 )
 def test_a_worker_loads_no_solver_before_its_task_names_one(module):
     loaded = loaded_by(f"import actin_xcheck.studies.study, actin_xcheck.studies.{module}")

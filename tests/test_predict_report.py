@@ -37,7 +37,7 @@ from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.study import Report, write_report
-from actin_xcheck.studies.theory.study import Drawn
+from actin_xcheck.studies.theory import Drawn
 from tests.browser import complaints
 from tests.test_report import Tags
 

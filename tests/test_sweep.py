@@ -22,9 +22,9 @@ from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.runs.processes import ATTEMPTS, Lost
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.sweep import study as sweeping
+from actin_xcheck.studies import sweep as sweeping
+from actin_xcheck.studies.sweep import LOG, Run, finished, read_table
 from actin_xcheck.studies.sweep.plan import points_of
-from actin_xcheck.studies.sweep.study import LOG, Run, finished, read_table
 from tests.ending import killed, process, raises
 from tests.processes import cluster, posix, wait_until
 from tests.test_cli import cli, one_line

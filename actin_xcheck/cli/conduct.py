@@ -125,7 +125,7 @@ def lasting(seconds: float) -> str:
 def page_of(file: Path) -> Path:
     """Write the page of a study from its file and return its path: most have the same."""
     if file.name == "paper.h5":  # each loads what its study is made of
-        from actin_xcheck.studies.audit.study import write_audit_page as write
+        from actin_xcheck.studies.audit import write_audit_page as write
     elif file.name == "compare.h5":
         from actin_xcheck.studies.compare_page import write_comparison_page as write
     else:

@@ -117,7 +117,7 @@ def threshold_command(
 @study_command("predict", "predict report")
 def report() -> "Study":
     """Curves, modes, maps, thresholds and errata, as predict.h5 and a page; takes a few minutes."""
-    from actin_xcheck.studies.theory.study import atlas
+    from actin_xcheck.studies.theory import atlas
 
     return atlas()
 

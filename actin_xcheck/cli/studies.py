@@ -27,7 +27,7 @@ from actin_xcheck.core.parameters import Fidelity
 if TYPE_CHECKING:
     from actin_xcheck.cli.output import SweepAnswer
     from actin_xcheck.studies.study import Study
-    from actin_xcheck.studies.sweep.study import SweepTable
+    from actin_xcheck.studies.sweep import SweepTable
 
 CONVERGED = {
     "static-decay": 2,
@@ -86,8 +86,8 @@ def converge(scenes: Scenes = None, methods: Methods = None) -> "Study":
     from actin_xcheck.core.errors import UserError
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.scene.scene import load_scenes
+    from actin_xcheck.studies.converge import converge as study
     from actin_xcheck.studies.converge.plan import refinements_of
-    from actin_xcheck.studies.converge.study import converge as study
 
     asked = [
         one
@@ -136,7 +136,7 @@ def paper(
                 f"--only: no row is called {key!r}; valid are {some} and others, {len(rows)} in all"
             )
 
-    from actin_xcheck.studies.audit.study import paper as study
+    from actin_xcheck.studies.audit import paper as study
 
     return study(list(dict.fromkeys(only or rows)), said=bool(only))
 
@@ -161,8 +161,8 @@ def distort(scenes: Scenes = None, methods: Methods = None) -> "Study":
     """
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.scene.scene import load_scenes
+    from actin_xcheck.studies.distort import distort as study
     from actin_xcheck.studies.distort.cases import FAMILIES, check, families_of
-    from actin_xcheck.studies.distort.study import distort as study
 
     loaded, chosen = load_scenes(scenes or DISTORTED), find_methods(methods or DISTORTED_METHODS)
     for scene in loaded:
@@ -183,8 +183,8 @@ def extremes(only: Only = None) -> "Study":
     --only takes scenes of the study.  About six minutes.  Exit code 1 where methods disagree on the end.
     """
     from actin_xcheck.core.errors import UserError
+    from actin_xcheck.studies.extremes import extremes as study
     from actin_xcheck.studies.extremes.attempt import trials
-    from actin_xcheck.studies.extremes.study import extremes as study
 
     every = trials()
     known = sorted({trial.scene for trial in every})
@@ -203,8 +203,8 @@ def closures(methods: Methods = None) -> "Study":
     """
     from actin_xcheck.core.errors import UserError
     from actin_xcheck.runs.method import find_methods
-    from actin_xcheck.studies.closures.study import METHODS, plan
-    from actin_xcheck.studies.closures.study import closures as study
+    from actin_xcheck.studies.closures import METHODS, plan
+    from actin_xcheck.studies.closures import closures as study
 
     chosen = find_methods(methods or METHODS)
     for method in chosen:
@@ -251,8 +251,8 @@ def frontier(
     """
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.frontier import frontier as study
     from actin_xcheck.studies.frontier.planes import PLANES, check, plane_of
-    from actin_xcheck.studies.frontier.study import frontier as study
 
     loaded = load_scene(scene)
     check(loaded)
@@ -277,9 +277,9 @@ def chart(
     """
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.scene.scene import load_scene
+    from actin_xcheck.studies.chart import chart as study
+    from actin_xcheck.studies.chart import default_methods
     from actin_xcheck.studies.chart.measure import QUICK, WHOLE
-    from actin_xcheck.studies.chart.study import chart as study
-    from actin_xcheck.studies.chart.study import default_methods
 
     chosen = find_methods(methods or default_methods())
     return study(load_scene(scene), chosen, QUICK if quick else WHOLE)
@@ -341,7 +341,7 @@ def sweep_command(
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Wanted
-    from actin_xcheck.studies.sweep.study import carry_out, runs_of
+    from actin_xcheck.studies.sweep import carry_out, runs_of
 
     processes = jobs_asked(jobs, scheduler)
     asked = Wanted(method[0], refine, dt, rtol, fidelity)
@@ -369,7 +369,7 @@ def _told(answer: "SweepAnswer", json: bool) -> int:
 
 def _answer(table: "SweepTable", made: int) -> "SweepAnswer":
     from actin_xcheck.cli.output import SweepAnswer
-    from actin_xcheck.studies.sweep.study import CSV_NAME
+    from actin_xcheck.studies.sweep import CSV_NAME
 
     outcomes = Counter(table["outcome"].tolist())
     return SweepAnswer(

@@ -16,8 +16,8 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.compare import compare, jobs_of
+from actin_xcheck.studies.converge import converge
 from actin_xcheck.studies.converge.plan import Refined, refinements_of
-from actin_xcheck.studies.converge.study import converge
 from actin_xcheck.studies.faults.hunt import Check
 from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from actin_xcheck.core import lagrange
-from actin_xcheck.core.model import Array, Closure
+from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import Closure
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.expression import coordinates
