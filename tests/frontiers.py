@@ -4,8 +4,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.frontier import frontier
 from actin_xcheck.studies.frontier.answers import Answer
-from actin_xcheck.studies.frontier.bisection import Bisection
-from actin_xcheck.studies.frontier.planes import Axis, Plane
+from actin_xcheck.studies.frontier.planes import Axis, Bisection, Plane
 from tests.lab import FEM
 
 FIG14 = load_scene("fig14-four-fronts")

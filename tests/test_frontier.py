@@ -11,8 +11,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.frontier import planes as planning
 from actin_xcheck.studies.frontier.answers import BOUND, Converged, Kind, Truth, answer_of, judge, truth_of
-from actin_xcheck.studies.frontier.bisection import Bisection
-from actin_xcheck.studies.frontier.planes import PLANES, end_at, plane_of, point_of
+from actin_xcheck.studies.frontier.planes import PLANES, Bisection, end_at, plane_of, point_of
 from fem.space import Space
 from tests.frontiers import FIG14, answer, searched
 from tests.lab import FEM

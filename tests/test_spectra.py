@@ -7,8 +7,8 @@ import pytest
 
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs import spectra
-from actin_xcheck.runs.spectra import discrete_rates, discrete_threshold
+from actin_xcheck.studies import theory
+from actin_xcheck.studies.theory import discrete_rates, discrete_threshold
 from actin_xcheck.theory.dispersion import Version, active_slope
 from actin_xcheck.theory.exact import threshold
 
@@ -50,7 +50,7 @@ def test_discrete_rates_converge_at_second_order(name):
 def test_the_linearisation_as_printed_would_be_noticed(monkeypatch):
     """(2/pi) p delta in place of (p/pi) delta: the limit is wrong by far more than the mesh's error."""
     right = discrete_rates(PRESSED, 1, (4, 5))
-    monkeypatch.setattr(spectra, "active_slope", lambda model: active_slope(model, Version.AS_PRINTED))
+    monkeypatch.setattr(theory, "active_slope", lambda model: active_slope(model, Version.AS_PRINTED))
     wrong = discrete_rates(PRESSED, 1, (4, 5))
     assert abs(limit_of(wrong) - right.exact) > 5 * abs(limit_of(right) - right.exact)
 

@@ -3,16 +3,278 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.report.exhibits import Chapter, Line, Plot, Sheet
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.distort.cases import Answer, Case, Converged, Family, answer_of, cases_of, converged
-from actin_xcheck.studies.distort.findings import Pair, Row, chapter_of, sentence_of
 from actin_xcheck.studies.study import Report, Study, Table, Task
+
+LOST = 0.5
+"""An order that falls by more is lost."""
+
+GROWN = 10.0
+"""An error, or counted work, that grows by more is no matter of a constant."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run as it came out.
+
+    Attributes
+    ----------
+    scene, method, family, severity, refine, steps : what was run, see `cases.Case`; the scene by name.
+    cells, aspect, angle : of the mesh, and of its worst cells; degrees.
+    ending, message : of its Outcome.
+    area_error, probes_error, a_error : at the end: relative; largest at the scene's probes; relative in the
+        root mean square over a cloud of material points. nan where the run failed.
+    uncertainty : of what they are held against: smaller errors mean nothing.
+    residual : largest balance residual of a step.
+    iterations, solves, factorisations, steps_made : counted work.
+    seconds : what it took.
+    command : what makes it again, in the report's folder.
+    """
+
+    scene: str
+    method: str
+    family: str
+    severity: float
+    refine: int
+    steps: int
+    cells: int
+    aspect: float
+    angle: float
+    ending: str
+    message: str
+    area_error: float
+    probes_error: float
+    a_error: float
+    uncertainty: float
+    residual: float
+    iterations: int
+    solves: int
+    factorisations: int
+    steps_made: int
+    seconds: float
+    command: str
+
+    @property
+    def completed(self) -> bool:
+        """Whether the run came to its end."""
+        return self.ending == "completed"
+
+    @property
+    def iterations_a_solve(self) -> float:
+        """Iterations of conjugate gradients, over all linear systems."""
+        return self.iterations / self.solves if self.solves else float("nan")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A method on one distortion: its runs on the coarser and on the finer mesh, beside the undistorted ones.
+
+    Attributes
+    ----------
+    severity : of the distortion.
+    coarse, fine : the runs on it.
+    plain_coarse, plain_fine : those on the disk's own mesh.
+    """
+
+    severity: float
+    coarse: Row
+    fine: Row
+    plain_coarse: Row
+    plain_fine: Row
+
+    @property
+    def failed(self) -> Row | None:
+        """The run that did not complete, if there is one."""
+        return next((row for row in (self.coarse, self.fine) if not row.completed), None)
+
+    @property
+    def order(self) -> float:
+        """Observed order of the concentration in h; nan where an error is not known."""
+        return _order_of(self.coarse, self.fine)
+
+    @property
+    def plain_order(self) -> float:
+        """The same on the disk's own mesh."""
+        return _order_of(self.plain_coarse, self.plain_fine)
+
+    @property
+    def growth(self) -> float:
+        """How many times larger the error of the concentration is than undistorted, on the finer mesh.
+
+        Errors that are not known count as what is known: it may be more, where the undistorted one is not.
+        """
+        return _at_most(self.fine) / _at_most(self.plain_fine)
+
+    @property
+    def work(self) -> float:
+        """How many times more iterations a solve takes than undistorted, on the finer mesh."""
+        return self.fine.iterations_a_solve / self.plain_fine.iterations_a_solve
+
+
+Pairs = dict[str, list[Pair]]
+"""By the names of methods, from no distortion to the worst."""
+
+
+def sentence_of(scene: Scene, family: Family, methods: Sequence[Method], pairs: Pairs) -> str:
+    """What a family of distortions does to a scene's runs."""
+    broken: list[str] = []
+    held: list[str] = []
+    for method in methods:
+        found = _broken(pairs[method.name])
+        (broken if found else held).append(f"{method.name} ({found or _held(pairs[method.name])})")
+    every = [pair.fine for of_method in pairs.values() for pair in of_method]
+    about = f"{family.title}, {scene.name}"
+    if family.key != "off-ring":
+        aspect, angle = max(row.aspect for row in every), max(row.angle for row in every)
+        about += f", aspects up to {aspect:.0f}, angles up to {angle:.1f} degrees"
+    parts = [f"breaks {'; '.join(broken)}"] if broken else []
+    parts += [f"{'the others hold' if broken else 'all methods hold'}: {'; '.join(held)}"] if held else []
+    return f"{about}: {'. '.join(parts)}."
+
+
+def _broken(pairs: Sequence[Pair]) -> str:
+    """What is lost at the worst, in words; empty where nothing is."""
+    for pair in pairs[1:]:
+        if row := pair.failed:
+            return f"at {pair.severity:g}, refine {row.refine}: {row.ending.replace('_', ' ')}, {row.message}"
+    worst = max(pairs, key=lambda pair: pair.growth)
+    loss = worst.plain_order - worst.order
+    if worst.growth > GROWN or (worst.growth > 2 and loss > LOST):
+        before = f" instead of {worst.plain_order:.1f}" if math.isfinite(worst.plain_order) else ""
+        return f"at {worst.severity:g} error ×{worst.growth:.3g}, of order {worst.order:.1f}{before}"
+    return ""
+
+
+def _held(pairs: Sequence[Pair]) -> str:
+    """How far the worst distortion is from none."""
+    worst = max(pairs, key=lambda pair: pair.growth)
+    work = max(pair.work for pair in pairs)
+    orders = [pair.order for pair in pairs if math.isfinite(pair.order)]
+    order = f", order at least {min(orders):.1f}" if orders else ""
+    return f"error ×{worst.growth:.2g}{order}, iterations ×{work:.2g}"
+
+
+def _at_most(row: Row) -> float:
+    return max(row.a_error, row.uncertainty)
+
+
+def _order_of(coarse: Row, fine: Row) -> float:
+    known = min(coarse.a_error, fine.a_error) > max(coarse.uncertainty, fine.uncertainty)
+    return math.log2(coarse.a_error / fine.a_error) / (fine.refine - coarse.refine) if known else math.nan
+
+
+QUANTITIES = {
+    "a_error": "Concentration, relative, over a cloud of material points",
+    "area_error": "Area, relative",
+    "probes_error": "Concentration at the scene's probes, largest",
+}
+"""Errors that are charted, by the column they stand in."""
+
+
+def chapter_of(scene: Scene, family: Family, methods: Sequence[Method], pairs: Pairs) -> Chapter:
+    """What is shown of a family of distortions."""
+    names = [method.name for method in methods]
+    plots = [_plot(family, key, title, names, pairs) for key, title in QUANTITIES.items()]
+    work = _plot(family, "iterations_a_solve", "Iterations of conjugate gradients a solve", names, pairs)
+    chapter = f"{scene.name}--{family.key}"
+    note = f"{family.note} Errors at the end of {scene.name}, on the finer of two meshes."
+    return Chapter(
+        chapter, f"{family.title}: {scene.name}", note, (*plots, work, _table(family, names, pairs))
+    )
+
+
+def _plot(family: Family, key: str, title: str, names: Sequence[str], pairs: Pairs) -> Plot:
+    """One column against the aspect of the worst cell, or against the offset from the ring."""
+    off_ring = family.key == "off-ring"
+    fitted = family.severities[1] / 2  # a logarithm has no place for zero
+
+    def place(pair: Pair) -> float:
+        return (pair.severity or fitted) if off_ring else pair.fine.aspect
+
+    lines = [
+        Line(name, np.array([place(pair) for pair in pairs[name]]), _values(pairs[name], key))
+        for name in names
+    ]
+    failed = sorted({place(pair) for name in names for pair in pairs[name] if not pair.fine.completed})
+    marks = [("fitted", fitted)] if off_ring else []
+    note = "Crossed: a run fails there." if failed else ""
+    return Plot(
+        key.replace("_", "-"),
+        title,
+        note,
+        f"{family.severity}" if off_ring else "aspect of the worst cell",
+        tuple(lines),
+        (*marks, *(("✕", x) for x in failed)),
+        log=True,
+    )
+
+
+def _values(pairs: Sequence[Pair], key: str) -> np.ndarray:
+    """A column of the finer runs; nan where one failed, or its error is below what is known."""
+    found = np.array([getattr(pair.fine, key) if pair.fine.completed else math.nan for pair in pairs])
+    least = np.array([pair.fine.uncertainty if key in QUANTITIES else 0.0 for pair in pairs])
+    return np.where(found > least, found, math.nan)
+
+
+def _table(family: Family, names: Sequence[str], pairs: Pairs) -> Sheet:
+    header = (
+        *("Method", family.severity.capitalize(), "Aspect", "Angle", "Error of a, coarser", "finer", "Order"),
+        *("Times undistorted", "Error of area", "Probes", "Iterations a solve", "Factorisations a step"),
+        *("Balance", "Outcome"),
+    )
+    rows = [_row(name, pair) for name in names for pair in pairs[name]]
+    return Sheet("numbers", "All numbers", _NOTE, (header, *rows))
+
+
+_NOTE = (
+    "Where nothing else is said, of the finer mesh. Orders are those of the concentration in h, from both "
+    "meshes. Balance: largest residual of the scheme's own balance of total actin in a step."
+)
+
+
+def _row(name: str, pair: Pair) -> tuple[str, ...]:
+    fine = pair.fine
+    outcome = "; ".join(
+        f"refine {row.refine}: {row.ending.replace('_', ' ')}, {row.message}"
+        for row in (pair.coarse, fine)
+        if not row.completed
+    )
+    return (
+        name,
+        f"{pair.severity:g}",
+        f"{fine.aspect:.3g}",
+        f"{fine.angle:.4g}",
+        *(_error(row, row.a_error) for row in (pair.coarse, fine)),
+        _number(pair.order),
+        _number(pair.growth),
+        *(_error(fine, value) for value in (fine.area_error, fine.probes_error)),
+        _number(fine.iterations_a_solve),
+        _number(_a_step(fine)),
+        _number(fine.residual),
+        outcome or "completed",
+    )
+
+
+def _error(row: Row, value: float) -> str:
+    return f"below {row.uncertainty:.0e}" if value <= row.uncertainty else _number(value)
+
+
+def _a_step(row: Row) -> float:
+    return row.factorisations / row.steps_made if row.steps_made else math.nan
+
+
+def _number(value: float) -> str:
+    return f"{value:.2g}" if math.isfinite(value) else "none"
+
 
 TRUTH_LEVELS = LEVELS[3:5]
 """Levels of the converged runs, on the disk's own mesh; the second is believed, their change says how far."""
@@ -64,7 +326,7 @@ def distort(
         known = _known(scene, coarse, fine, truth_levels[1])
         told.append(f"{scene.name}: {truths[2 * number + 1].words}, known to {known:.1e}")
         found = {
-            case: _row(scene, case, answer, fine, known)
+            case: _row_of(scene, case, answer, fine, known)
             for case, answer in of_case.items()
             if case.scene == scene.text
         }
@@ -103,7 +365,7 @@ def _known(scene: Scene, coarse: Answer, fine: Answer, level: AccuracyLevel) -> 
     return level.share * change
 
 
-def _row(scene: Scene, case: Case, answer: Answer, exact: Answer, uncertainty: float) -> Row:
+def _row_of(scene: Scene, case: Case, answer: Answer, exact: Answer, uncertainty: float) -> Row:
     probes = len(scene.probes.points)
     off = np.subtract(answer.a, exact.a)
     known = 1.0 if answer.ending == "completed" else math.nan

@@ -29,9 +29,18 @@ from actin_xcheck.studies.frontier.answers import (
     truth_of,
     why_unknown,
 )
-from actin_xcheck.studies.frontier.bisection import Bisection, Node
 from actin_xcheck.studies.frontier.limits import lines_of, theory_chapter
-from actin_xcheck.studies.frontier.planes import MOST_STEPS, REFINE, Axis, Plane, Point, end_at, point_of
+from actin_xcheck.studies.frontier.planes import (
+    MOST_STEPS,
+    REFINE,
+    Axis,
+    Bisection,
+    Node,
+    Plane,
+    Point,
+    end_at,
+    point_of,
+)
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 _DECADES = (10.0, 100.0, 1e3, 1e4)

@@ -1,14 +1,22 @@
 """The atlas of the linear theory: its curves, modes, maps and tables, as chapters of a report."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Chapter, Exhibit, Sheet
-from actin_xcheck.runs.spectra import discrete_rates, discrete_threshold
+from actin_xcheck.runs.method import SPECTRUM, load
 from actin_xcheck.studies.study import Report, Study, Task
 from actin_xcheck.studies.theory.figures import CELLS, delta_sheet, map_of, pictures, plots, versions
+from actin_xcheck.theory.dispersion import active_slope, stiffness
+from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.theory.errata import TABLE_4_PRINTED, errata
 from actin_xcheck.theory.exact import DiskModes, lowest, threshold
 
@@ -29,7 +37,7 @@ def modes_sheet() -> Sheet:
             model = Model(Parameters(psi, 0.26), closure=closure, delta=Delta.NONE)
             leading = [DiskModes(model, m).rates(0.0)[:1] for m in NUMBERS]
             rows.append(
-                (f"{psi:g}", closure, *(_rate(complex(r[0])) if len(r) else "decay" for r in leading))
+                (f"{psi:g}", closure, *(_worded(complex(r[0])) if len(r) else "decay" for r in leading))
             )
     return Sheet(
         "modes",
@@ -46,7 +54,7 @@ def spectrum_sheet() -> Sheet:
     for m, psi in _SPECTRUM:
         found = discrete_rates(Model(Parameters(psi, 0.0), delta=Delta.NONE), m, _MESHES)
         orders = ", ".join(f"{order:.2f}" for order in found.orders)
-        rows.append((str(m), f"{psi:g}", _rate(found.exact), *map(_rate, found.rates), orders))
+        rows.append((str(m), f"{psi:g}", _worded(found.exact), *map(_worded, found.rates), orders))
     return Sheet(
         "spectrum",
         "The finite elements' own spectrum",
@@ -101,7 +109,7 @@ def errata_sheet() -> Sheet:
     return Sheet("errata", "Printed and corrected", note, tuple(rows))
 
 
-def _rate(rate: complex) -> str:
+def _worded(rate: complex) -> str:
     return f"{rate.real:.5f}" + (f" ± {abs(rate.imag):.5f}i" if abs(rate.imag) > 1e-9 else "")
 
 
@@ -197,3 +205,100 @@ def _chapters(of: dict[str, tuple[Exhibit, ...]]) -> tuple[Chapter, ...]:
         ),
         Chapter("errata", "Errata of the article", "", of["errata"]),
     )
+
+
+_HARMONICS = 10
+
+
+@dataclass(frozen=True)
+class DiscreteRates:
+    """Rates of one exact mode on a sequence of meshes.
+
+    Attributes
+    ----------
+    m : angular number.
+    exact : the leading rate, imaginary part >= 0.
+    refine : the meshes, 2**refine layers each.
+    rates : one per mesh.
+    """
+
+    m: int
+    exact: complex
+    refine: tuple[int, ...]
+    rates: tuple[complex, ...]
+
+    @property
+    def orders(self) -> tuple[float, ...]:
+        """Observed order between consecutive meshes.
+
+        Of the rates' mean and product for a conjugate pair: the pair itself is a square root of them, which
+        near a double root is not yet asymptotic when they are.
+        """
+        errors = [_distance(rate, self.exact) for rate in self.rates]
+        return tuple(float(np.log2(one / other)) for one, other in pairwise(errors))
+
+
+def discrete_rates(model: Model, m: int, refine: tuple[int, ...]) -> DiscreteRates:
+    """Return the finite elements' counterpart of the leading exact mode of angular number m.
+
+    Raises ValueError where the exact mode cannot be listed, ArithmeticError where a mesh has no counterpart.
+    """
+    exact = growth_rate(model, m, 2 if m == 0 and model.closure is Closure.IRROTATIONAL_WALL else 1)
+    return DiscreteRates(m, exact, refine, tuple(_rate(model, m, n, exact) for n in refine))
+
+
+def discrete_threshold(model: Model, m: int, refine: int) -> float:
+    """Return the psi at which the finite elements' leading rate of angular number m crosses Re lambda = 0.
+
+    A bracketed search from the exact threshold upwards, in steps of 5 %, for a finite mesh grows less.
+    Raises ValueError where there is no exact threshold, or no discrete one within twice of it.
+    """
+    exact = threshold(model, m)
+    if exact.psi is None or exact.omega is None:
+        raise ValueError(f"m = {m}: {exact.reason}")
+    frequency = exact.omega
+
+    def growth(psi: float) -> float:
+        at = model.varied(psi=psi)
+        return _rate(at, m, refine, 1j * frequency).real
+
+    for low in np.arange(0.95, 2.0, 0.05) * exact.psi:
+        if growth(low) < 0 < growth(low + 0.05 * exact.psi):
+            return float(brentq(growth, low, low + 0.05 * exact.psi, rtol=1e-5))
+    raise ValueError(f"m = {m}: no discrete rate crosses between 0.95 and 2 of psi* = {exact.psi:g}")
+
+
+def _distance(rate: complex, exact: complex) -> float:
+    """Error of a real rate, or of a pair's mean and product."""
+    if not exact.imag:
+        return abs(rate - exact)
+    return abs(complex(rate.real - exact.real, (abs(rate) ** 2 - abs(exact) ** 2) / (2 * abs(exact))))
+
+
+def _rate(model: Model, m: int, refine: int, near: complex) -> complex:
+    """The discrete rate of angular number m nearest to `near`."""
+    mesh = disk(refine, model.parameters.l0)
+    pressure = 1 + model.parameters.nu_prime - stiffness(model)  # `viscous` has none and ignores it
+    spectrum = load(SPECTRUM)(model, mesh, active_slope(model), pressure)
+    for count in (2, 4, 8, 16):
+        rates, concentrations = spectrum.nearest(near, count)
+        for rate, a in zip(rates, concentrations.T, strict=True):
+            if _angular_number(mesh, a) == m:
+                return complex(rate)
+    raise ArithmeticError(
+        f"m = {m}: none of the 16 discrete rates nearest to {near:.4g} has that angular number"
+    )
+
+
+def _angular_number(mesh: Mesh, a: NDArray[np.complex128]) -> int:
+    """The strongest angular harmonic of nodal values on the mesh's circles."""
+    radius = np.hypot(*mesh.xi).round(9)
+    theta = np.arctan2(mesh.xi[1], mesh.xi[0])
+    energy = np.zeros(_HARMONICS)
+    for circle in np.unique(radius):
+        on = radius == circle
+        waves = np.exp(1j * np.outer(np.arange(_HARMONICS), theta[on]))
+        known = np.arange(_HARMONICS) * 2 < on.sum()
+        energy += known * (np.abs(waves @ a[on]) ** 2 + np.abs(waves.conj() @ a[on]) ** 2) / on.sum()
+    energy[0] /= 2  # counted twice
+    return int(np.argmax(energy))
