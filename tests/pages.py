@@ -23,8 +23,7 @@ from actin_xcheck.studies.distort import distort
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.extremes import extremes
 from actin_xcheck.studies.extremes.attempt import Level, Trial
-from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.hunt import hunt
+from actin_xcheck.studies.faults import FAULTS, hunt
 from actin_xcheck.studies.study import Report, write_report
 from tests.frontiers import small
 from tests.lab import FEM, FV

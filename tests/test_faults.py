@@ -17,12 +17,11 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies import faults as hunting
 from actin_xcheck.studies.checks import SUITE, Compared, Reduced
-from actin_xcheck.studies.faults import hunt as hunting
-from actin_xcheck.studies.faults.catalogue import FAULTS as CATALOGUE
-from actin_xcheck.studies.faults.catalogue import find_faults
+from actin_xcheck.studies.faults import FAULTS as CATALOGUE
+from actin_xcheck.studies.faults import control, find_faults, hunt, missed
 from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
-from actin_xcheck.studies.faults.hunt import control, hunt, missed
 from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
 from fv.krylov import Operator

@@ -23,9 +23,8 @@ from actin_xcheck.runs.processes import Lost
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.checks import Compared
-from actin_xcheck.studies.faults.catalogue import FAULTS
+from actin_xcheck.studies.faults import FAULTS, held_against
 from actin_xcheck.studies.faults.fault import replaced
-from actin_xcheck.studies.faults.hunt import held_against
 from tests import nights
 from tests.claims import claim
 from tests.lab import FEM, FV

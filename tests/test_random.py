@@ -10,7 +10,7 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.parameters import Closure, Delta, Rheology
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.scene import parse_scene
-from actin_xcheck.studies.faults.catalogue import find_faults
+from actin_xcheck.studies.faults import find_faults
 from actin_xcheck.studies.faults.fault import replaced
 from actin_xcheck.studies.random_scenes import Checked, Drawn, check, random_scenes
 from actin_xcheck.studies.study import answered

@@ -224,8 +224,7 @@ def faults(only: Only = None) -> "Study":
     all is green without a fault and every fault is caught, 1 when not.
     """
     from actin_xcheck.studies.checks import SUITE
-    from actin_xcheck.studies.faults.catalogue import find_faults
-    from actin_xcheck.studies.faults.hunt import hunt
+    from actin_xcheck.studies.faults import find_faults, hunt
 
     return hunt(find_faults(only), SUITE)
 

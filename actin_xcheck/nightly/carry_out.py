@@ -42,8 +42,8 @@ from actin_xcheck.runs.executor import Executor, in_turn
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.processes import Lost, how_ended, prepare, work_alone
 from actin_xcheck.runs.provenance import check_code, code, forget_peak, peak_memory
-from actin_xcheck.studies.faults import hunt
-from actin_xcheck.studies.faults.catalogue import FAULTS
+from actin_xcheck.studies import faults
+from actin_xcheck.studies.faults import FAULTS
 from actin_xcheck.studies.faults.fault import Calls
 from actin_xcheck.studies.study import Alone, Batch, Report, Study, Table, Task, Tell, report_of
 
@@ -354,5 +354,5 @@ def _fault_missed(history: Path, kept: Kept) -> list[Done]:
         return []
     passed = tuple(one.name for one in kept.done)
     why = f"missed: none of the night's {len(passed)} checks turned red"
-    claim = hunt.control(hunt.missed(FAULTS[kept.begun.fault], passed, why))
+    claim = faults.control(faults.missed(FAULTS[kept.begun.fault], passed, why))
     return [Done(f"fault {kept.begun.fault}", (claim,), ("",))]

@@ -26,7 +26,7 @@ from actin_xcheck.runs.executor import work_off
 from actin_xcheck.runs.processes import Report
 from actin_xcheck.studies.compare import read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
-from actin_xcheck.studies.faults.catalogue import FAULTS
+from actin_xcheck.studies.faults import FAULTS
 
 EVENTS = 60
 """Changes on the page at most; `history --steps` has them all."""

@@ -21,9 +21,8 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.chart.measure import Asked, Sample, command_of, measured
 from actin_xcheck.studies.checks import Compared
 from actin_xcheck.studies.converge import Error, Order
-from actin_xcheck.studies.faults.catalogue import FAULTS
+from actin_xcheck.studies.faults import FAULTS, Check, control, held_against
 from actin_xcheck.studies.faults.fault import Calls, replaced, there, watched
-from actin_xcheck.studies.faults.hunt import Check, control, held_against
 from actin_xcheck.verdicts.triangulate import Triangle
 
 COMPARISON, ORDERS = "compare.h5", "converge.h5"

@@ -25,8 +25,7 @@ from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
-from actin_xcheck.studies.faults.catalogue import FAULTS
-from actin_xcheck.studies.faults.hunt import Check
+from actin_xcheck.studies.faults import FAULTS, Check
 
 PAGES = 0.08
 """Share of a budget that is left for pages and the history."""

@@ -18,7 +18,7 @@ from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge import converge
 from actin_xcheck.studies.converge.plan import Refined, refinements_of
-from actin_xcheck.studies.faults.hunt import Check
+from actin_xcheck.studies.faults import Check
 from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole
 
