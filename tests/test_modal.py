@@ -17,10 +17,9 @@ from actin_xcheck.theory.eigenfields import eigenfield, growth_rate
 from actin_xcheck.theory.exact import DiskModes
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.reduced.modal import Modal
-from fem.reduced.radial import Radial
-from fem.reduced.radial_modes import AngularMode, slopes
-from fem.reduced.radial_space import Ray
+from fem.linearised import AngularMode, slopes
+from fem.modal import Modal
+from fem.radial import Radial, Ray
 
 MESH, RAY = disk(2, 0.8), Ray.on(0.8, 3, 10)
 POINTS = np.array([[0, 0], [0.4, 0], [0.8, 0], [1, 0], [0, 1], [0.5, 0.5], [-0.3, 0.6], [0.1, -0.9]]).T

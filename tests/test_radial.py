@@ -16,8 +16,7 @@ from actin_xcheck.theory.eigenfields import eigenfield
 from actin_xcheck.theory.modes import wavenumber
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.reduced.radial import Radial
-from fem.reduced.radial_space import Ray
+from fem.radial import Radial, Ray
 from tests.lab import film_of, local_orders
 
 MESH = disk(3, 0.8)

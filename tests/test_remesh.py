@@ -14,11 +14,20 @@ from actin_xcheck.core.parameters import Parameters
 from fem.fields import measure, orientation
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.remesh.remeshing import RemeshedState, Remeshing
-from fem.remesh.space import SLIVER, Rebalanced, new_mesh, shapes, soundness
-from fem.remesh.transfer import Reading, projected
-from fem.remesh.triangulation import NoMesh, edge_of, remeshed
+from fem.remeshing import RemeshedState, Remeshing
 from fem.space import Space
+from fem.triangulation import (
+    SLIVER,
+    NoMesh,
+    Reading,
+    Rebalanced,
+    edge_of,
+    new_mesh,
+    projected,
+    remeshed,
+    shapes,
+    soundness,
+)
 from tests.lab import Film, film_of, local_orders
 
 L0, SPIN = 0.8, 4.0

@@ -19,7 +19,7 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
-from fem.remesh.remeshing import Remeshing
+from fem.remeshing import Remeshing
 from tests.kills import FRONTS, QUICK, ROUND, Kind, bits, go
 
 

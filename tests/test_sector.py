@@ -19,7 +19,7 @@ from actin_xcheck.scene.resolve import mesh_of, resolve
 from actin_xcheck.scene.scene import load_scene
 from fem import boundary
 from fem.force_balance import ForceBalance
-from fem.reduced.sector import Unfolded
+from fem.sector import Unfolded
 from tests.lab import film_of, scene_of
 
 FIG14 = load_scene("fig14-four-fronts")

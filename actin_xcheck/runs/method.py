@@ -23,25 +23,25 @@ FORCE_BALANCE = "fem.force_balance:ForceBalance"
 FV_FORCE_BALANCE = "fv.mechanics:FvForceBalance"
 """The finite volumes' own."""
 
-RADIAL = "fem.reduced.radial:Radial"
+RADIAL = "fem.radial:Radial"
 """One ray of an axisymmetric cell."""
 
-SECTOR = "fem.reduced.sector:Unfolded"
+SECTOR = "fem.sector:Unfolded"
 """A sector between mirror lines, seen as the whole cell."""
 
-MODAL = "fem.reduced.modal:Modal"
+MODAL = "fem.modal:Modal"
 """The linear modes of the rest state."""
 
-HAND_OVER = "fem.reduced.handover:HandOver"
+HAND_OVER = "fem.sector:HandOver"
 """These, then a solver of the whole model."""
 
-SPECTRUM = "fem.reduced.spectrum:Spectrum"
+SPECTRUM = "fem.linearised:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
 
-REMESHING = "fem.remesh.remeshing:Remeshing"
+REMESHING = "fem.remeshing:Remeshing"
 """Curved elements whose mesh is replaced when it is about to fold."""
 
-SHAPES, SOUNDNESS = "fem.remesh.space:shapes", "fem.remesh.space:soundness"
+SHAPES, SOUNDNESS = "fem.triangulation:shapes", "fem.triangulation:soundness"
 """The shape of a mesh's cells, and whether it is about to fold."""
 
 

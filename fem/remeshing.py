@@ -15,10 +15,19 @@ from actin_xcheck.core.observables import Measures
 from fem.fields import Lattice, cell_means, measure
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex, ImexState
-from fem.remesh.space import SLIVER, Rebalanced, new_mesh, placed_space, shapes
-from fem.remesh.transfer import Reading, projected
-from fem.remesh.triangulation import NoMesh, edge_of, remeshed
 from fem.space import Space
+from fem.triangulation import (
+    SLIVER,
+    NoMesh,
+    Reading,
+    Rebalanced,
+    edge_of,
+    new_mesh,
+    placed_space,
+    projected,
+    remeshed,
+    shapes,
+)
 
 LESS = 0.8
 """Of a shape: where there is no better mesh, another one is sought when this much is left."""

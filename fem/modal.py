@@ -18,8 +18,8 @@ from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.observables import Measures
-from fem.reduced.radial_modes import AngularMode, slopes
-from fem.reduced.radial_space import FrameMesh, Ray
+from fem.linearised import AngularMode, slopes
+from fem.radial import FrameMesh, Ray
 
 ComplexArray = NDArray[np.complex128]
 

@@ -1,1 +1,0 @@
-"""Smaller models that are exact for a scene: a sector, one ray, linear modes."""

@@ -1,1 +1,0 @@
-"""A mesh that is about to fold, replaced."""
