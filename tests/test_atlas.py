@@ -23,9 +23,8 @@ from actin_xcheck.studies.theory.figures import (
     plots,
 )
 from actin_xcheck.theory.borders import cell_branches, prove
-from actin_xcheck.theory.dispersion import Version, growth_rates, sigma_prime
+from actin_xcheck.theory.dispersion import Mode, Version, growth_rates, modes_below, sigma_prime, wavenumber
 from actin_xcheck.theory.exact import DiskModes
-from actin_xcheck.theory.modes import Mode, modes_below, wavenumber
 from tests.colours import SEEN, lab, linear
 
 CELLS = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE]

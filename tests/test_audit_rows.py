@@ -10,8 +10,7 @@ from actin_xcheck.core.model import Delta, Model
 from actin_xcheck.studies.audit import ROWS, figures, linear, row, stability
 from actin_xcheck.studies.audit.row import Finding, Judgement, answer, examined
 from actin_xcheck.studies.audit.sample import Triangles, disk_quadrature, rounds_to
-from actin_xcheck.theory.dispersion import Version, isolated_modes, sigma_prime
-from actin_xcheck.theory.modes import Mode
+from actin_xcheck.theory.dispersion import Mode, Version, isolated_modes, sigma_prime
 
 EQUATIONS = [
     *(f"2.1{letter}" for letter in "abcdef"),

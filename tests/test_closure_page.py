@@ -23,7 +23,7 @@ from actin_xcheck.studies.closures.findings import (
 )
 from actin_xcheck.studies.closures.measure import Course, Rim, Ripples, distance, follow, measure, roughness
 from actin_xcheck.studies.study import write_report
-from actin_xcheck.theory.modes import advance_per_fold, contrast, half_plane_rate, ripple_exponent
+from actin_xcheck.theory.dispersion import advance_per_fold, contrast, half_plane_rate, ripple_exponent
 from fem.force_balance import ForceBalance
 from tests.studies import carry
 from tests.test_report import SCRIPT, Tags

@@ -9,9 +9,17 @@ from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
-from actin_xcheck.scene.distortion import aspects, flattened, largest_angle, off_ring, perturbed, stretched
 from actin_xcheck.scene.expression import coordinates
-from actin_xcheck.scene.outline import Fit, read_mesh
+from actin_xcheck.scene.outline import (
+    Fit,
+    aspects,
+    flattened,
+    largest_angle,
+    off_ring,
+    perturbed,
+    read_mesh,
+    stretched,
+)
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.distort import distort

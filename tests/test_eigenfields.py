@@ -7,10 +7,9 @@ import pytest
 
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.theory.dispersion import active_slope, stiffness, wall_eigenfield
+from actin_xcheck.theory.dispersion import Mode, active_slope, stiffness, wall_eigenfield
 from actin_xcheck.theory.eigenfields import cell_eigenfield, eigenfield, growth_rate
 from actin_xcheck.theory.exact import DiskModes
-from actin_xcheck.theory.modes import Mode
 
 RNG = np.random.default_rng(0)
 RADII, ANGLES = np.sqrt(RNG.uniform(0.04, 0.8, 12)), RNG.uniform(0, 2 * np.pi, 12)

@@ -12,9 +12,8 @@ from scipy.special import jv
 
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.theory.dispersion import growth_rates
+from actin_xcheck.theory.dispersion import Mode, growth_rates
 from actin_xcheck.theory.exact import DiskModes, threshold
-from actin_xcheck.theory.modes import Mode
 from tests.test_cli import cli, one_line
 
 STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)

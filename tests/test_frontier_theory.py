@@ -12,8 +12,7 @@ from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.frontier import limits
 from actin_xcheck.studies.frontier.limits import model_at
-from actin_xcheck.theory.dispersion import wall_eigenfield
-from actin_xcheck.theory.modes import Mode, wavenumber
+from actin_xcheck.theory.dispersion import Mode, wall_eigenfield, wavenumber
 from tests.frontiers import FIG14
 from tests.lab import FEM, film_of
 

@@ -9,10 +9,9 @@ from actin_xcheck.runs.run import amplitude_of, bind, run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import shipped_scenes
-from actin_xcheck.theory.dispersion import growth_rates, leading_growth_rate
+from actin_xcheck.theory.dispersion import Mode, growth_rates, leading_growth_rate
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.theory.growth import extrapolate, fit_growth
-from actin_xcheck.theory.modes import Mode
 from actin_xcheck.verdicts.judge import judge
 from tests.lab import FEM, FV, film_of, scene_of
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.model import Array
-from actin_xcheck.theory.dispersion import growth_rates
+from actin_xcheck.theory.dispersion import Mode, growth_rates
 from actin_xcheck.theory.growth import amplitude_at_rest, extrapolate, fit_growth
-from actin_xcheck.theory.modes import Mode
 from tests.lab import linear_model
 
 

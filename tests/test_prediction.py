@@ -10,20 +10,24 @@ from scipy.special import jnp_zeros, jvp
 from actin_xcheck.core.model import Array, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.theory.dispersion import (
+    Mode,
     Version,
     coefficients,
+    count_below,
     growth_rates,
     isolated_modes,
     k2_crit,
     leading_growth_rate,
+    modes_below,
     printed_3_7,
     sigma_prime,
+    table_6,
     unstable_modes,
     wall_eigenfield,
+    wavenumber,
 )
 from actin_xcheck.theory.errata import TABLE_4_PRINTED, TABLE_6_PRINTED, errata
 from actin_xcheck.theory.growth import amplitude_at_rest
-from actin_xcheck.theory.modes import Mode, count_below, modes_below, table_6, wavenumber
 from tests.lab import linear_model
 
 

@@ -12,8 +12,8 @@ from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.theory.dispersion import wavenumber
 from actin_xcheck.theory.eigenfields import eigenfield
-from actin_xcheck.theory.modes import wavenumber
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.radial import Radial, Ray

@@ -20,9 +20,16 @@ from scipy.special import jv
 
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array, Model
-from actin_xcheck.theory.dispersion import Version, active_slope, k2_crit, sigma_prime, stiffness
+from actin_xcheck.theory.dispersion import (
+    Mode,
+    Version,
+    active_slope,
+    k2_crit,
+    modes_below,
+    sigma_prime,
+    stiffness,
+)
 from actin_xcheck.theory.exact import DiskModes
-from actin_xcheck.theory.modes import Mode, modes_below
 
 _BEYOND = 1.3
 """A border is followed up to this multiple of the largest psi asked for, so that it may come back."""

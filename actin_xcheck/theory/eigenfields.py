@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from scipy.special import jv
 
 from actin_xcheck.core.model import Array, Closure, Model
-from actin_xcheck.theory.dispersion import active_slope, leading_growth_rate, wall_eigenfield
+from actin_xcheck.theory.dispersion import Mode, active_slope, leading_growth_rate, wall_eigenfield
 from actin_xcheck.theory.exact import ComplexArray, DiskModes
-from actin_xcheck.theory.modes import Mode
 
 
 class Eigenfield(Protocol):

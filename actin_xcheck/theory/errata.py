@@ -11,15 +11,17 @@ from actin_xcheck.core.model import Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.theory.dispersion import (
     ComplexArray,
+    Mode,
     Version,
+    count_below,
     growth_rates,
     isolated_modes,
     k2_crit,
     leading_growth_rate,
     printed_3_7,
+    wavenumber,
 )
 from actin_xcheck.theory.growth import amplitude_at_rest
-from actin_xcheck.theory.modes import Mode, count_below, wavenumber
 
 
 @dataclass(frozen=True)

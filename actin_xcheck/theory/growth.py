@@ -12,8 +12,7 @@ from scipy.optimize import least_squares
 from scipy.special import exprel
 
 from actin_xcheck.core.model import Array, Model
-from actin_xcheck.theory.dispersion import active_slope, growth_rates, leading_growth_rate
-from actin_xcheck.theory.modes import Mode
+from actin_xcheck.theory.dispersion import Mode, active_slope, growth_rates, leading_growth_rate
 
 
 @dataclass(frozen=True)

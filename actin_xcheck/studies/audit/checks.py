@@ -32,10 +32,9 @@ from actin_xcheck.studies.audit.row import (
     examines,
 )
 from actin_xcheck.studies.audit.runs import Cell, Evidence, Family, Limit, time_of
-from actin_xcheck.theory.dispersion import active_slope, k2_crit
+from actin_xcheck.theory.dispersion import Mode, active_slope, k2_crit
 from actin_xcheck.theory.exact import Threshold, threshold
 from actin_xcheck.theory.growth import amplitude_at_rest
-from actin_xcheck.theory.modes import Mode
 
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
 

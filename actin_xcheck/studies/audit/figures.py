@@ -28,9 +28,17 @@ from actin_xcheck.studies.audit.row import Answer, answer, article, examines
 from actin_xcheck.studies.audit.sample import circle, disk_quadrature, rounds_to
 from actin_xcheck.studies.audit.stability import turns_real
 from actin_xcheck.studies.theory.figures import maps, pictures, plots
-from actin_xcheck.theory.dispersion import Version, coefficients, isolated_modes, k2_crit, sigma_prime
+from actin_xcheck.theory.dispersion import (
+    Mode,
+    Version,
+    coefficients,
+    isolated_modes,
+    k2_crit,
+    modes_below,
+    sigma_prime,
+    table_6,
+)
 from actin_xcheck.theory.errata import TABLE_4_PRINTED, TABLE_6_PRINTED, Table4Row
-from actin_xcheck.theory.modes import Mode, modes_below, table_6
 
 _UNITS = DimensionalParameters(psi=72.0, p=0.3)
 """psi (A.1.1) and p (0.26 by (3.1)) in dyn/cm^2; Table 1 gives neither."""

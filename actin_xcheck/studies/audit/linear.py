@@ -12,6 +12,7 @@ from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.studies.audit.row import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, circle, disk_quadrature
 from actin_xcheck.theory.dispersion import (
+    Mode,
     Version,
     active_slope,
     coefficients,
@@ -21,11 +22,11 @@ from actin_xcheck.theory.dispersion import (
     printed_3_7,
     sigma_prime,
     stiffness,
+    wavenumber,
 )
 from actin_xcheck.theory.eigenfields import cell_eigenfield
 from actin_xcheck.theory.errata import TABLE_6_PRINTED
 from actin_xcheck.theory.exact import DiskModes
-from actin_xcheck.theory.modes import Mode, wavenumber
 
 W11, W21, W02 = Mode(1, 1), Mode(2, 1), Mode(0, 2)
 

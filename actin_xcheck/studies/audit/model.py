@@ -22,8 +22,7 @@ from actin_xcheck.studies.audit.sample import (
     rounds_to,
     second_step,
 )
-from actin_xcheck.theory.dispersion import isolated_modes
-from actin_xcheck.theory.modes import Mode
+from actin_xcheck.theory.dispersion import Mode, isolated_modes
 
 _A, _PHI = np.array([0.2, 0.9, 1.0, 2.8, 5.0]), np.array([-0.4, -0.1, 0.0, 0.3, 1.2])
 """Concentrations and dilations at which constitutive laws are evaluated."""

@@ -12,7 +12,7 @@ from actin_xcheck.core.mesh import Indices, Mesh, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import centroid
 from actin_xcheck.runs.store import Run
-from actin_xcheck.theory.modes import Mode
+from actin_xcheck.theory.dispersion import Mode
 
 Readout = Callable[[Run, float], float]
 

@@ -25,17 +25,19 @@ from actin_xcheck.studies.audit.linear import (
 from actin_xcheck.studies.audit.row import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, disk_quadrature, rounds_to
 from actin_xcheck.theory.dispersion import (
+    Mode,
     Version,
     coefficients,
+    count_below,
     growth_rates,
     isolated_modes,
     k2_crit,
+    modes_below,
     sigma_prime,
     stiffness,
 )
 from actin_xcheck.theory.errata import REALISTIC_CELL
 from actin_xcheck.theory.exact import DiskModes
-from actin_xcheck.theory.modes import Mode, count_below, modes_below
 
 _TABLE_2 = Parameters(62.4, 0.26)
 

@@ -19,9 +19,8 @@ from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, seconds_of
 from actin_xcheck.runs.run import solver_for
-from actin_xcheck.scene.resolve import mesh_of, resolve, turn_matrix
+from actin_xcheck.scene.resolve import TERMS, Term, mesh_of, resolve, turn_matrix
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.scene.terms import TERMS, Term
 from actin_xcheck.studies.study import Task
 
 METHOD, REFINE, RTOL = METHODS["fem-p3-imex4"], 2, 1e-6

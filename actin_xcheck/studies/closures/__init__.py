@@ -23,7 +23,7 @@ from actin_xcheck.studies.closures.measure import (
     measure,
 )
 from actin_xcheck.studies.study import Report, Study, Table, Task
-from actin_xcheck.theory.modes import contrast, ripple_exponent
+from actin_xcheck.theory.dispersion import contrast, ripple_exponent
 
 EXAGGERATED = 3.0
 """How many times the departure of an outline from the circle is drawn."""

@@ -9,7 +9,7 @@ import numpy as np
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.closures.measure import BASE, Rim, RippleGrowth
-from actin_xcheck.theory.modes import advance_per_fold, ripple_exponent
+from actin_xcheck.theory.dispersion import advance_per_fold, ripple_exponent
 
 JUDGED = 0.4
 """Of the time: when most rims of `current-normal` still stand, and meshes are compared."""

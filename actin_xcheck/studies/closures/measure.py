@@ -23,7 +23,7 @@ from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, run_seconds, seconds_of
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import Scene, load_scene
-from actin_xcheck.theory.modes import ripple_exponent
+from actin_xcheck.theory.dispersion import ripple_exponent
 
 ROUGH = 12
 """Ripples of this wave number and beyond are roughness; the four fronts and their first harmonics are not."""

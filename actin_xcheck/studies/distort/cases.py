@@ -19,7 +19,7 @@ from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, command, seconds_of
 from actin_xcheck.runs.run import solver_for
-from actin_xcheck.scene.distortion import (
+from actin_xcheck.scene.outline import (
     aspects,
     flattened,
     largest_angle,
@@ -27,8 +27,8 @@ from actin_xcheck.scene.distortion import (
     perturbed,
     stretched,
     without_layers,
+    write_mesh,
 )
-from actin_xcheck.scene.outline import write_mesh
 from actin_xcheck.scene.resolve import mesh_of, resolve
 from actin_xcheck.scene.scene import Scene, parse_scene
 

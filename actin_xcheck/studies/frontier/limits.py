@@ -23,8 +23,14 @@ from actin_xcheck.runs.method import Method, load
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.frontier.answers import BOUND
 from actin_xcheck.studies.frontier.planes import Axis, Plane, end_at
-from actin_xcheck.theory.dispersion import active_slope, growth_rates, k2_crit, sigma_prime, stiffness
-from actin_xcheck.theory.modes import wavenumber
+from actin_xcheck.theory.dispersion import (
+    active_slope,
+    growth_rates,
+    k2_crit,
+    sigma_prime,
+    stiffness,
+    wavenumber,
+)
 
 FASTEST = (1, 1)
 """The mode that grows fastest: (3.6)'s largest rate falls with k^2 as long as e > 0."""

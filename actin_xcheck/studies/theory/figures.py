@@ -11,10 +11,16 @@ from actin_xcheck.core.model import Array, Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.report.exhibits import Line, Picture, Plot, Regions, Sheet
 from actin_xcheck.theory.borders import Branch, cell_branches, prove, stiffnesses, wall_branches
-from actin_xcheck.theory.dispersion import Version, coefficients, growth_rates, printed_3_7, sigma_prime
+from actin_xcheck.theory.dispersion import (
+    Version,
+    coefficients,
+    growth_rates,
+    printed_3_7,
+    sigma_prime,
+    wavenumber,
+)
 from actin_xcheck.theory.eigenfields import eigenfield
 from actin_xcheck.theory.errata import TABLE_4_PRINTED
-from actin_xcheck.theory.modes import wavenumber
 
 RADII, ANGLES = np.linspace(0, 1, 41), np.linspace(0, 2 * np.pi, 97)
 """The polar grid pictures are given on."""
