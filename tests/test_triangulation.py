@@ -18,8 +18,8 @@ from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.known import known
+from actin_xcheck.verdicts.orders import uncertainty
 from actin_xcheck.verdicts.triangulate import Corner, Levels, estimate, triangulate, verdict
-from actin_xcheck.verdicts.uncertainty import uncertainty
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
 from tests.studies import carry

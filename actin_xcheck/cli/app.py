@@ -13,8 +13,7 @@ import typer
 
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.conduct import Json, page_of, print_table
-from actin_xcheck.cli.history import diff_command, history_command
-from actin_xcheck.cli.nightly import nightly_command
+from actin_xcheck.cli.nightly import diff_command, history_command, nightly_command
 from actin_xcheck.cli.run import export_command, render_command, run_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.runs.processes import end_all, ending_signals

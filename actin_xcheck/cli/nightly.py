@@ -1,20 +1,26 @@
-"""`nightly`: the verification suite within a budget, kept, judged, and drawn on the dashboard."""
+"""`nightly`: the verification suite within a budget, kept, judged, and drawn on the dashboard.
+
+`history` and `diff`: the nights that are kept, what changed in them, and two of them side by side.
+"""
 
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.conduct import Json, Quiet, command
+from actin_xcheck.cli.conduct import Json, Quiet, command, print_table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from contextlib import AbstractContextManager
 
     from actin_xcheck.cli.output import NightAnswer
+    from actin_xcheck.nightly.differences import Difference, Event, Turned
+    from actin_xcheck.nightly.history import Counted, Series
     from actin_xcheck.nightly.items import Item
     from actin_xcheck.nightly.plan import Wish
     from actin_xcheck.nightly.record import Kept
@@ -157,3 +163,203 @@ def _print(kept: "Kept", answer: "NightAnswer", index: Path) -> None:
     print(f", {len(answer.troubles)} checks broke down" if answer.troubles else "", end="")
     print(f", {len(kept.left_out)} not run" if kept.left_out else "", end="")
     print(f"; {kept.seconds / 60:.1f} min; report: {answer.page}; all nights: {index}")
+
+
+DEFAULT_PATH = Path("reports") / "history.sqlite"
+
+File = Annotated[Path, typer.Option("--file", help="The history.")]
+Whole = Annotated[bool, typer.Option("--json", help="The same as JSON, whole.")]
+
+
+def history_command(
+    key: Annotated[
+        str | None, typer.Option(help="Show the numbers whose keys match, such as 'seconds/*'.")
+    ] = None,
+    steps: Annotated[bool, typer.Option("--steps", help="Find the nights in which numbers changed.")] = False,
+    file: File = DEFAULT_PATH,
+    as_json: Whole = False,
+) -> None:
+    """List the nights that are kept; with --key the numbers that match, with --steps what changed and when.
+
+    Steps are found on the logarithm (orders and rates: as they are) among all numbers, or those of --key.
+    """
+    from actin_xcheck.core.errors import UserError
+    from actin_xcheck.nightly.changes import events
+    from actin_xcheck.nightly.history import read_nights, read_series
+
+    nights = read_nights(file)
+    series = read_series(file, key or "*") if steps or key else []
+    if key and not series:
+        kinds = sorted({f"{one.key.split('/')[0]}/*" for one in read_series(file)})
+        raise UserError(
+            f"--key: no number is called {key!r}; valid: such as {', '.join(kinds)}; * and ? match"
+        )
+    found = events(series) if steps else []
+    if as_json:
+        print_json(
+            {"nights": [plain_night(one) for one in nights]}
+            | ({"series": [plain_series(one) for one in series]} if key else {})
+            | ({"steps": [plain_event(event) for event in found]} if steps else {})
+        )
+        return
+    if not steps and key is None:
+        _show(nights_table(nights))
+    if key is not None:
+        _show(series_table(series))
+    if steps:
+        print(found_words(found, series))
+        _show(events_table(found[:SHOWN]))
+        say_rest(len(found))
+
+
+def diff_command(
+    old: Annotated[str, typer.Argument(metavar="NIGHT", help="A night, or how its name begins.")],
+    new: Annotated[str, typer.Argument(metavar="NIGHT", help="Another, to compare with it.")],
+    file: File = DEFAULT_PATH,
+    as_json: Whole = False,
+) -> None:
+    """Compare two nights: claims whose verdict turned, and numbers that differ, the largest change first."""
+    from actin_xcheck.nightly.differences import differences, turned
+    from actin_xcheck.nightly.history import find_night, read_claims, read_nights, read_numbers
+
+    nights = read_nights(file)
+    before, after = (find_night(nights, name).night for name in (old, new))
+    claims = turned(read_claims(file, before.name), read_claims(file, after.name))
+    numbers = differences(read_numbers(file, before.name), read_numbers(file, after.name))
+    news = after.differences(before)
+    if as_json:
+        print_json(
+            {"old": before.name, "new": after.name, "news": news}
+            | {
+                "claims": [asdict(one) for one in claims],
+                "numbers": [asdict(one) | {"direction": one.direction} for one in numbers],
+            }
+        )
+        return
+    print(f"{before.name} ({before.date}) -> {after.name} ({after.date}): {listed(news)}")
+    print(f"{len(claims)} claims turned")
+    if claims:
+        _show(turned_table(claims))
+    print(f"{len(numbers)} numbers differ, {sum(one.weight >= 1 for one in numbers)} by what is of interest")
+    if numbers:
+        _show(differences_table(numbers[:SHOWN]))
+    say_rest(len(numbers))
+
+
+SHOWN = 40
+"""Lines of a table of changes at most; --json has them all."""
+
+Rows = Iterator[tuple[str, ...]]
+"""Of a table, its header first."""
+
+
+def _show(rows: Rows) -> None:
+    """Print a table."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(*next(rows), box=None)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    print_table(table)
+
+
+def nights_table(nights: "Sequence[Counted]") -> Rows:
+    """The nights that are kept."""
+    yield "night", "begun", "commit", "machine", "hold", "fail", "not judged", "numbers"
+    for one in nights:
+        night, judged = one.night, (str(one.verdicts[name]) for name in ("PASS", "FAIL", "NOT JUDGED"))
+        yield night.name, night.date, night.commit[:12], night.machine, *judged, str(one.numbers)
+
+
+def series_table(series: "Sequence[Series]") -> Rows:
+    """Numbers over the nights."""
+    import numpy as np
+
+    yield "number", "kind", "nights", "median", "first", "last", "unit"
+    for one in series:
+        middle = f"{np.nanmedian(one.values):.4g}" if np.isfinite(one.values).any() else "nan"
+        first, last = (f"{one.values[at]:.4g}" for at in (0, -1))
+        yield one.key, one.kind, str(len(one.nights)), middle, first, last, one.unit
+
+
+def events_table(found: "Iterable[Event]") -> Rows:
+    """What changed, and when."""
+    from actin_xcheck.nightly.differences import Shape
+
+    yield "night", "what", "number", "change", "likely within", "with"
+    for event in found:
+        what = str(event.shape) if event.shape is Shape.LOST else f"{event.shape}, {event.direction}"
+        first, last = event.within[0].name, event.within[-1].name
+        night = " to ".join(dict.fromkeys((event.night.name, event.until.name)))
+        likely = first if first == last else f"{first} to {last}"
+        if event.together > 1:
+            likely += f", by {event.together} numbers"
+        minor, exactly = ", minor" if event.minor else "", "exactly" if event.exact else likely
+        yield night, f"{what}{minor}", event.key, event.change, exactly, listed(event.news)
+
+
+def turned_table(claims: "Iterable[Turned]") -> Rows:
+    """Claims whose verdict turned."""
+    yield "claim", "was", "is", "value", "bound"
+    for one in claims:
+        yield one.key, one.was, one.now, f"{one.old:.3g} -> {one.new:.3g}", f"{one.bound:.3g}"
+
+
+def differences_table(numbers: "Iterable[Difference]") -> Rows:
+    """Numbers of two nights that differ."""
+    yield "number", "is", "change", "unit"
+    for one in numbers:
+        yield one.key, f"{one.direction}{', minor' if one.weight < 1 else ''}", one.change, one.unit
+
+
+def found_words(found: "Sequence[Event]", series: "Sequence[Series]") -> str:
+    """How much was found, in a line."""
+    from actin_xcheck.nightly.differences import Shape
+
+    sure = [event for event in found if event.shape is not Shape.SUSPECT]
+    of_interest = sum(not event.minor for event in sure)
+    return (
+        f"{len(series)} numbers: {of_interest} changes, {len(sure) - of_interest} minor ones, "
+        f"{len(found) - len(sure)} suspects in the newest nights"
+    )
+
+
+def listed(news: "Sequence[str]") -> str:
+    """What is new in a night, in a line."""
+    return "; ".join(news) or "same commit, versions and machine"
+
+
+def say_rest(count: int) -> None:
+    """Say how many lines are not shown."""
+    if count > SHOWN:
+        print(f"... and {count - SHOWN} smaller ones (--json)")
+
+
+def plain_night(one: "Counted") -> dict[str, Any]:
+    """A night as plain values."""
+    return asdict(one.night) | {"numbers": one.numbers, "claims": dict(one.verdicts)}
+
+
+def plain_series(one: "Series") -> dict[str, Any]:
+    """A series as plain values."""
+    points = {night.name: value for night, value in zip(one.nights, one.values.tolist(), strict=True)}
+    return {"key": one.key, "kind": one.kind, "unit": one.unit, "values": points}
+
+
+def plain_event(event: "Event") -> dict[str, Any]:
+    """A change as plain values."""
+    names = {"night": event.night.name, "until": event.until.name, "commit": event.night.commit}
+    named = asdict(event) | names | {"within": [night.name for night in event.within]}
+    return named | {"direction": event.direction, "minor": event.minor}
+
+
+def print_json(found: dict[str, Any]) -> None:
+    """Print what was found as JSON."""
+    import json
+    import sys
+
+    from actin_xcheck.nightly.record import plain
+
+    json.dump(plain(found), sys.stdout, indent=1, allow_nan=False)
+    print()

@@ -23,7 +23,7 @@ from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.known import Known, known, rate_parts
-from actin_xcheck.verdicts.uncertainty import uncertainty
+from actin_xcheck.verdicts.orders import uncertainty
 
 ROUND_OFF = {"growth_rate": 1e-8}
 """Relative; 1e-12 of what is not named.  Modes have an amplitude of 1e-6 on a = 1."""

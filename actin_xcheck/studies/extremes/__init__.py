@@ -13,7 +13,7 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.studies.extremes.attempt import BREAKDOWNS, Attempt, Trial, attempt
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
-from actin_xcheck.verdicts.uncertainty import ELSEWHERE, uncertainty
+from actin_xcheck.verdicts.orders import ELSEWHERE, uncertainty
 
 
 @dataclass(frozen=True, eq=False)
