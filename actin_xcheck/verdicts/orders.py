@@ -1,5 +1,4 @@
-"""What successive levels say: observed orders, held against a declared one, and the uncertainty of a
-number.
+"""What successive levels say: observed orders beside a declared one, and the uncertainty of a number.
 
 The rules for orders p_i = log(e_i/e_{i+1}) / log(s_i/s_{i+1}) between successive levels:
 
