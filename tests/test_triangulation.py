@@ -38,12 +38,14 @@ SCENES = ["growing-disk", *(pytest.param(name, marks=SLOW) for name in list(AT)[
 
 def levels_of(scene, method, folder, refine, steps):
     """A method's runs of a scene, finest first."""
-    job = Stored(scene, METHODS[method], refine, scene.time.end / steps, f"{method}.vtkhdf")
-    other = replace(job, method=METHODS[FV if method == FEM else FEM], file="other.vtkhdf")
-    levels = [job, *(one for one in companions([job, other]) if one.method is job.method)]
+    numerics = Numerics(METHODS[method], refine, scene.time.end / steps)
+    job = Stored(scene, numerics, f"{method}.vtkhdf")
+    of_other = replace(numerics, method=METHODS[FV if method == FEM else FEM])
+    beside = companions([job, replace(job, numerics=of_other, file="other.vtkhdf")])
+    levels = [job, *(one for one in beside if one.numerics.method is numerics.method)]
     for one in levels:
-        run(scene, Numerics(one.method, one.refine, one.dt), folder / one.file)
-    return Levels(job.method, tuple(read_run(folder / one.file) for one in levels))
+        run(scene, one.numerics, folder / one.file)
+    return Levels(numerics.method, tuple(read_run(folder / one.file) for one in levels))
 
 
 @pytest.fixture(scope="module")
@@ -124,11 +126,11 @@ def adaptive_levels(method, refine, rtol, folder):
     """Fig. 14 by a tolerance and its companions, all as a sector: the same numbers, sooner."""
     scene, chosen = load_scene("fig14-four-fronts"), METHODS[method]
     (job,) = jobs_of([scene], [chosen], refine, None, rtol)
-    other = replace(job, method=METHODS[FV], file="other.vtkhdf")
+    other = replace(job, numerics=replace(job.numerics, method=METHODS[FV]), file="other.vtkhdf")
     part = reduced(scene, chosen, Fidelity.SECTOR)
-    levels = [job, *(one for one in companions([job, other]) if one.method is chosen)]
+    levels = [job, *(one for one in companions([job, other]) if one.numerics.method is chosen)]
     for one in levels:
-        run(scene, Numerics(chosen, one.refine, one.dt, one.rtol, part), folder / one.file)
+        run(scene, replace(one.numerics, reduction=part), folder / one.file)
     return scene, Levels(chosen, tuple(read_run(folder / one.file) for one in levels))
 
 
@@ -174,25 +176,25 @@ def test_companions_keep_errors_in_space_and_time_in_step():
     scene = load_scene("fig14-four-fronts")
     jobs = jobs_of([scene], [METHODS[FEM], METHODS["fem-p3-imex4"], METHODS[FV]], 5, None)
     beside = companions(jobs)
-    assert [job.refine for job in beside] == [4, 3] * 3
-    paper = [step_count(job.dt, scene.output_times) for job in (jobs[0], *beside[:2])]
+    assert [job.numerics.refine for job in beside] == [4, 3] * 3
+    paper = [step_count(job.numerics.dt, scene.output_times) for job in (jobs[0], *beside[:2])]
     assert paper[0] / paper[1] == pytest.approx(4, rel=0.05)
     assert paper[1] / paper[2] == pytest.approx(4, rel=0.05)
-    fourth = [step_count(job.dt, scene.output_times) for job in (jobs[1], *beside[2:4])]
+    fourth = [step_count(job.numerics.dt, scene.output_times) for job in (jobs[1], *beside[2:4])]
     assert fourth[0] / fourth[1] == pytest.approx(2, rel=0.05)
     assert len({job.file for job in [*jobs, *beside]}) == 9
 
 
 def test_adaptive_companions_loosen_their_tolerance_instead():
     jobs = jobs_of([load_scene("stirred")], [METHODS["fem-p2-imex3"], METHODS[FV]], 4, None, 1e-6)
-    assert [job.rtol for job in companions(jobs)[:2]] == pytest.approx([8e-6, 64e-6])
+    assert [job.numerics.rtol for job in companions(jobs)[:2]] == pytest.approx([8e-6, 64e-6])
 
 
 def test_one_code_alone_and_a_method_without_order_have_no_companions():
     scene = load_scene("stirred")
     assert companions(jobs_of([scene], [METHODS[FEM], METHODS["fem-p2-imex3"]], 4, None)) == []
     beside = companions(jobs_of([scene], [METHODS[FEM], METHODS["fv-tpfa"]], 4, None))
-    assert {job.method.name for job in beside} == {FEM}
+    assert {job.numerics.method.name for job in beside} == {FEM}
 
 
 # the third corner

@@ -11,7 +11,7 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.page import read_claims
 from actin_xcheck.runs.method import Method
-from actin_xcheck.runs.numerics import suited
+from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
@@ -79,7 +79,8 @@ def jobs_of(
         for method in methods:
             file = f"{scene.name}--{method.name}.vtkhdf"
             tolerance = rtol if method.adaptive else None
-            jobs.append(Stored(scene, method, refine or DEFAULT_REFINE, step, file, tolerance))
+            numerics = Numerics(method, refine or DEFAULT_REFINE, step, tolerance)
+            jobs.append(Stored(scene, numerics, file))
     return jobs
 
 
@@ -92,18 +93,19 @@ def companions(jobs: Sequence[Stored]) -> list[Stored]:
     """
     families: dict[str, set[str]] = {}
     for job in jobs:
-        families.setdefault(job.scene.name, set()).add(job.method.family)
+        families.setdefault(job.scene.name, set()).add(job.numerics.method.family)
     return [
         one
         for job in jobs
-        if len(families[job.scene.name]) > 1 and job.method.order_h
+        if len(families[job.scene.name]) > 1 and job.numerics.method.order_h
         for one in companions_of(job)
     ]
 
 
 def _levels(job: Stored, beside: Sequence[Stored]) -> tuple[Stored, ...]:
     """A job and its companions, finest first."""
-    return job, *(one for one in beside if (one.scene.name, one.method) == (job.scene.name, job.method))
+    asked = job.scene.name, job.numerics.method
+    return job, *(one for one in beside if (one.scene.name, one.numerics.method) == asked)
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,9 @@ class Judged:
 def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> Judged:
     """Judge the runs of a scene, of each method the one asked for and its companions, from their files."""
     scene = asked[0][0].scene
-    levels = [Levels(jobs[0].method, tuple(read_run(folder / job.file) for job in jobs)) for jobs in asked]
+    levels = [
+        Levels(jobs[0].numerics.method, tuple(read_run(folder / job.file) for job in jobs)) for jobs in asked
+    ]
     runs = {one.method.name: one.runs[0] for one in levels}
     triangles = triangulate(scene, levels)
     of_triangles = (one.claim(again(scene, *(runs[name] for name in one.methods))) for one in triangles)
@@ -143,14 +147,14 @@ class RunRow:
 
 
 def _row(job: Stored, times: int, ran: Ran) -> RunRow:
-    name = f"{job.scene.name}/{job.method.name}"
+    numerics, name = job.numerics, f"{job.scene.name}/{job.numerics.method.name}"
     return RunRow(
         job.scene.name,
-        job.method.name,
+        numerics.method.name,
         times,
-        job.refine,
-        job.dt,
-        nan if job.rtol is None else job.rtol,
+        numerics.refine,
+        numerics.dt,
+        nan if numerics.rtol is None else numerics.rtol,
         ran.outcome,
         ran.message,
         ran.seconds,

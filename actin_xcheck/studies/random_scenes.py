@@ -223,10 +223,11 @@ def _again(scene: Scene) -> str:
 def _levels(scene: Scene, method: Method, reduction: Reduction, coarser: int, place: Path) -> Levels:
     """Runs of a scene as they are stored, the finest first, and two coarser ones."""
     dt, rtol = scene.time.end / STEPS * 2**coarser, RTOL * 10**coarser if method.adaptive else None
-    finest = Stored(scene, method, REFINE[method.family] - coarser, dt, "run.vtkhdf", rtol)
+    numerics = Numerics(method, REFINE[method.family] - coarser, dt, rtol, reduction)
+    finest = Stored(scene, numerics, "run.vtkhdf")
     runs = []
     for job in (finest, *companions_of(finest)):
-        run(scene, replace(job.numerics, reduction=reduction), place / job.file)
+        run(scene, job.numerics, place / job.file)
         runs.append(read_run(place / job.file))
     return Levels(method, tuple(runs))
 

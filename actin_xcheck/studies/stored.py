@@ -7,7 +7,6 @@ from pathlib import Path
 
 from actin_xcheck.core.files import make_folder, replace_file
 from actin_xcheck.runs.march import Progress
-from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import Numerics, run_seconds, step_count
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
@@ -23,24 +22,16 @@ class Stored:
 
     Attributes
     ----------
-    scene, method, refine, dt, rtol : what is run, see `runs.run.run`.
+    scene, numerics : what is run, and how.
     file : where it goes, in the study's folder.
     scene_file : where its scene is written for the run's command, in the study's folder; empty for a scene
         that is run as the user names it.
     """
 
     scene: Scene
-    method: Method
-    refine: int
-    dt: float
+    numerics: Numerics
     file: str
-    rtol: float | None = None
     scene_file: str = ""
-
-    @property
-    def numerics(self) -> Numerics:
-        """How it is run: the whole model, on the disk."""
-        return Numerics(self.method, self.refine, self.dt, self.rtol)
 
     @property
     def seconds(self) -> float:
@@ -55,22 +46,19 @@ class Stored:
 
 def companions_of(job: Stored) -> list[Stored]:
     """Return the job with h doubled once, twice, ... as far as the mesh allows."""
-    return [_coarser(job, times) for times in range(1, COMPANIONS + 1) if job.refine > times]
+    return [_coarser(job, times) for times in range(1, COMPANIONS + 1) if job.numerics.refine > times]
 
 
 def _coarser(job: Stored, times: int) -> Stored:
     """The job with h doubled so many times; its steps are the multiple that fits the output times best."""
-    method, growth = job.method, 2.0 ** (times * job.method.order_h)
+    fine, method = job.numerics, job.numerics.method
+    growth = 2.0 ** (times * method.order_h)
     intervals = [end - start for start, end in pairwise((0.0, *job.scene.output_times))]
-    steps = [step_count(job.dt, [length]) / growth ** (1 / method.order_dt) for length in intervals]
+    steps = [step_count(fine.dt, [length]) / growth ** (1 / method.order_dt) for length in intervals]
     dt = max(length / max(round(number), 1) for length, number in zip(intervals, steps, strict=True))
-    return replace(
-        job,
-        refine=job.refine - times,
-        dt=dt,
-        file=f"{job.file.removesuffix('.vtkhdf')}--coarser-{times}.vtkhdf",
-        rtol=None if job.rtol is None else job.rtol * growth,
-    )
+    rtol = None if fine.rtol is None else fine.rtol * growth
+    file = f"{job.file.removesuffix('.vtkhdf')}--coarser-{times}.vtkhdf"
+    return replace(job, numerics=replace(fine, refine=fine.refine - times, dt=dt, rtol=rtol), file=file)
 
 
 @dataclass(frozen=True)

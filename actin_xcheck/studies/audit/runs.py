@@ -17,6 +17,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Closure, Rheology
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit.readouts import Readout
@@ -70,11 +71,9 @@ class Family:
         return {
             (refine, dt): Stored(
                 scene,
-                METHODS[self.method],
-                refine,
-                dt,
+                Numerics(METHODS[self.method], refine, dt),
                 f"runs/{name}--{self.method}--{refine}--{dt:.6g}.vtkhdf",
-                scene_file=scene.origin,
+                scene.origin,
             )
             for refine, dt in levels
         }

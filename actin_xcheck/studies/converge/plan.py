@@ -16,6 +16,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Delta
 from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.eigenfields import growth_rate
@@ -118,7 +119,7 @@ class Refinement:
         scene, method = self.scene, self.method
         file = f"runs/{scene.name}--{method.name}--{level.refine}--{level.steps}.vtkhdf"
         _, dt = self.steps_of(level)
-        return Stored(scene, method, level.refine, dt, file, scene_file=scene.origin)
+        return Stored(scene, Numerics(method, level.refine, dt), file, scene.origin)
 
 
 def refinements_of(origin: Scene, methods: Sequence[Method]) -> list[Refinement]:
