@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import make_folder, report_folder
-from actin_xcheck.runs import pictures
 from actin_xcheck.runs import run as runs
 from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity
@@ -159,8 +158,10 @@ def render(run: Run | str | Path, out: str | Path, *, time: float | None = None,
     run : what `run` or `load` returned, or the path of one.
     out : the picture's file, replaced where it exists.
     time : output time of a .png; else the last.
-    field : a name out of `actin_xcheck.runs.pictures.FIELDS`.
+    field : a name out of `actin_xcheck.core.parameters.FIELDS`.
     """
+    from actin_xcheck.report import pictures  # matplotlib is loaded where it draws
+
     stored = run if isinstance(run, Run) else read_run(Path(run))
     pictures.render(stored, Path(out), time, field)
     return Path(out)

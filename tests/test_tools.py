@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from ctypes.util import find_library
 from dataclasses import replace
 from pathlib import Path
 from string import ascii_letters, digits
@@ -23,20 +22,14 @@ from actin_xcheck.cli.output import FilesAnswer, schemas
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked
+from actin_xcheck.report.pictures import export
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.pictures import export
 from actin_xcheck.runs.run import run as stored_run
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import load_scene
 from tests.test_cli import cli, one_line
 from tests.test_isolation import loaded_by
-
-needs_opengl = pytest.mark.skipif(
-    sys.platform == "linux"
-    and not (find_library("EGL") or find_library("OSMesa") or os.environ.get("DISPLAY")),
-    reason="VTK finds neither EGL nor OSMesa nor a display",
-)
 
 NAMES = [
     "film",
@@ -257,7 +250,6 @@ def area_in(picture: np.ndarray, half: float) -> float:
     return float((shown.min(axis=2) < 250).sum() * (2 * 1.3 * half / 800) ** 2)
 
 
-@needs_opengl
 def test_curved_cells_are_drawn_curved(curved: Run, straight: Run, tmp_path: Path) -> None:
     """Sixteen curved cells draw a disk: 8 chords of its rim would leave out a tenth of it."""
     for run, chords in (curved, False), (straight, True):
@@ -269,7 +261,6 @@ def test_curved_cells_are_drawn_curved(curved: Run, straight: Run, tmp_path: Pat
         )  # the outline's width is half a per cent
 
 
-@needs_opengl
 def test_a_film_has_a_frame_for_each_output_time_and_grows_as_the_cell_does(
     curved: Run, tmp_path: Path
 ) -> None:
@@ -286,7 +277,6 @@ def test_a_film_has_a_frame_for_each_output_time_and_grows_as_the_cell_does(
     assert areas[-1] > 1.05 * areas[0]
 
 
-@needs_opengl
 def test_an_mp4_where_ffmpeg_is_there(curved: Run, tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
     path = actin_xcheck.render(curved, tmp_path / "cell.mp4", field="v")
@@ -295,7 +285,6 @@ def test_an_mp4_where_ffmpeg_is_there(curved: Run, tmp_path: Path) -> None:
     assert len(done.stdout) == len(curved.times) * 800 * 800 * 3
 
 
-@needs_opengl
 def test_colours_are_those_of_the_field(curved: Run, tmp_path: Path) -> None:
     """Viridis brightens with its values: a of cos 2 theta, u and v of a disk that grows."""
 
@@ -327,7 +316,6 @@ def test_what_cannot_be_drawn_is_one_line(curved: Run, tmp_path: Path, command) 
     assert not list(tmp_path.iterdir())
 
 
-@needs_opengl
 def test_render_and_export_say_in_json_what_they_wrote_and_overwrite_nothing(
     curved: Run, tmp_path: Path, command
 ) -> None:
@@ -430,21 +418,12 @@ def test_what_no_reader_opens_or_somebody_else_wrote_is_one_line(
         export(replace(curved, times=curved.times[:0]), tmp_path / "none.pvd")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is no display to be dead")
-@pytest.mark.parametrize("display", ["", ":77"])
-def test_nothing_to_draw_with_is_one_line(
-    curved: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, display: str
-) -> None:
-    for library in ("libEGL.so", "libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so.6"):
-        (tmp_path / library).write_text("no library")
-    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
-    monkeypatch.setenv("DISPLAY", display)
-    done = cli("render", curved.path, "--out", "cell.png", cwd=tmp_path)
-    one_line(done, "render: the process that draws ended without a picture", "valid: ", "libEGL", "DISPLAY")
-    assert not (tmp_path / "cell.png").exists()
+def test_no_display_is_needed(curved: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":77")
+    assert cli("render", curved.path, "--out", "cell.png", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "cell.png").exists()
 
 
-@needs_opengl
 def test_a_script_that_draws_is_not_run_once_more(curved: Run, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(f"import actin_xcheck\nprint(actin_xcheck.render({str(curved.path)!r}, 'cell.png'))\n")

@@ -272,7 +272,7 @@ def render_command(
     Needs no display.  Curved cells are drawn curved; the grey line is the cell's rim at its start.
     """
     from actin_xcheck.cli.output import FilesAnswer, say
-    from actin_xcheck.runs.pictures import render
+    from actin_xcheck.report.pictures import render
     from actin_xcheck.runs.store import read_run
 
     run = read_run(file)
@@ -297,7 +297,7 @@ def export_command(
     ParaView 5.12 and later need neither: they open the .vtkhdf itself; film.pvd is for those before.
     """
     from actin_xcheck.cli.output import FilesAnswer, say
-    from actin_xcheck.runs.pictures import export, files_of
+    from actin_xcheck.report.pictures import export, files_of
     from actin_xcheck.runs.store import read_run
 
     run = read_run(file)

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure as Drawn
+from numpy.typing import NDArray
 
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array
@@ -125,9 +126,9 @@ def _in_words(low: float, high: float) -> str:
 class Canvas:
     """One picture in the making; what shows a value goes on `axes`."""
 
-    def __init__(self, shown: Window, dpi: int = _DPI) -> None:
+    def __init__(self, shown: Window, dpi: float = _DPI, wide: float = _WIDTH, ground: str = "none") -> None:
         (left, bottom), (right, top) = shown
-        self._figure = Drawn((_WIDTH, _WIDTH * (top - bottom) / (right - left)), dpi, facecolor="none")
+        self._figure = Drawn((wide, wide * (top - bottom) / (right - left)), dpi, facecolor=ground)
         self.axes: Axes = self._figure.add_axes((0, 0, 1, 1), xlim=(left, right), ylim=(bottom, top))
         self.axes.set_autoscale_on(False)
         self.axes.set_axis_off()
@@ -137,6 +138,12 @@ class Canvas:
         buffer = BytesIO()
         FigureCanvasAgg(self._figure).print_png(buffer, metadata={"Software": None})
         return Panel(b64encode(buffer.getvalue()).decode(), f"{what}, values {extent}", extent)
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return the picture as (height, width, 3)."""
+        drawn = FigureCanvasAgg(self._figure)
+        drawn.draw()
+        return np.asarray(drawn.buffer_rgba())[..., :3].copy()
 
 
 class Brush:

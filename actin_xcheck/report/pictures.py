@@ -1,32 +1,35 @@
-"""A run for other eyes: pictures and films that PyVista draws, and its film in formats that other tools read.
+"""A run for other eyes: pictures and films, and its film in formats that other tools read.
 
-Nothing needs a display: VTK draws into memory, in a process of its own, for it crashes where it finds nothing
-to draw with.  Curved cells are drawn curved: each is cut into small flat pieces, on which the fields are the
-element's own.  Files for other tools are written by meshio: XDMF for any, VTU with curved cells.
+Curved cells are drawn curved: each is cut into small flat pieces, on which the fields are the element's own.
+Files for other tools are written by meshio: XDMF for any, VTU with curved cells.
 """
 
 import io
-import math
 import os
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Self
 from urllib.parse import quote
 
 import numpy as np
+from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 from PIL import Image
 
-from actin_xcheck.core.aside import LostError, aside
+from actin_xcheck.core import lagrange
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import replace_file
+from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import FIELDS
+from actin_xcheck.report.draw import SEQUENTIAL, Canvas, closed_rim, unstyled
 from actin_xcheck.runs.store import Run
 
 SUFFIXES = (".png", ".gif", ".mp4")
@@ -34,26 +37,17 @@ SUFFIXES = (".png", ".gif", ".mp4")
 _SIDE = 800
 """Pixels; even, as video codecs want it."""
 
-_PIECES = 100_000
-"""About as many flat pieces as a cell is cut into for a picture: no side is longer than a few pixels."""
+_INCHES = 8.0
+"""The same, by which letters and lines are measured."""
+
+_PIECES, _FINEST = 50_000, 24
+"""About as many flat pieces as are drawn, and as a side has at most: none is longer than a few pixels."""
 
 _SECONDS, _FASTEST = 6.0, 25.0
 """A film lasts so long, unless it would have more frames a second than this."""
 
 _SLOWEST = 4.0
 """Frames a second of a film of few."""
-
-_BAR: dict[str, Any] = {
-    "vertical": False,
-    "color": "black",
-    "n_labels": 2,
-    "title_font_size": 18,
-    "label_font_size": 16,
-    "position_x": 0.25,
-    "position_y": 0.02,
-    "width": 0.5,
-    "height": 0.08,
-}
 
 Picture = NDArray[np.uint8]
 """(_SIDE, _SIDE, 3)."""
@@ -72,7 +66,7 @@ def render(run: Run, path: Path, time: float | None = None, field: str = "a") ->
 
     Raises
     ------
-    UserError : no such field, time or kind of file; nothing here to draw or to make films with.
+    UserError : no such field, time or kind of file; nothing here to make films with.
     """
     path = Path(path)
     if field not in FIELDS:
@@ -83,13 +77,8 @@ def render(run: Run, path: Path, time: float | None = None, field: str = "a") ->
         raise UserError(f"--time: {path} shows all output times; valid: with a .png")
     ffmpeg = _ffmpeg() if path.suffix == ".mp4" else ""
     frames = [frame_at(run, time)] if path.suffix == ".png" else list(range(len(run.times)))
-    try:
-        aside(math.inf, _write, run, path, frames, field, ffmpeg)
-    except LostError as error:
-        raise UserError(
-            f"render: the process that draws ended without a picture ({error}); valid: something for VTK to "
-            "draw with: libEGL (Debian: libegl1), OSMesa or a DISPLAY that answers"
-        ) from None
+    with unstyled():
+        _write(run, path, frames, field, ffmpeg)
     return tuple(float(run.times[frame]) for frame in frames)
 
 
@@ -122,66 +111,78 @@ def frame_at(run: Run, time: float | None) -> int:
     return frame
 
 
-def grid(run: Run, frame: int) -> Any:
-    """A frame as a `pyvista.UnstructuredGrid`, curved: a, u, v, xi at nodes, a_cells, delta on cells."""
-    import pyvista
-
-    n_local, n_cells = run.cells.shape
-    kind = pyvista.CellType.TRIANGLE if run.order == 1 else pyvista.CellType.LAGRANGE_TRIANGLE
-    cells = np.insert(run.cells, 0, n_local, axis=0).T.ravel()
-    found = pyvista.UnstructuredGrid(cells, np.full(n_cells, kind, np.uint8), in_space(run.points[frame]))
-    for name, vectors in {"u": run.u[frame], "v": run.v[frame], "xi": run.xi}.items():
-        found.point_data[name] = in_space(vectors)
-    found.point_data["a"] = run.a_points[frame]
-    found.cell_data["a_cells"], found.cell_data["delta"] = run.a_cells[frame], run.delta
-    return found
-
-
 def in_space(vectors: Array) -> Array:
     """(2, N) as VTK's (N, 3)."""
     return np.pad(vectors.T, ((0, 0), (0, 1)))
 
 
+@dataclass(frozen=True)
+class _Pieces:
+    """Small flat pieces of the curved cells of a run, on which its fields are the element's own.
+
+    Attributes
+    ----------
+    cells : nodes of each cell, (n_local, n_cells).
+    basis : of a cell, at the corners of its pieces, (n_local, m).
+    triangles : the pieces, cell by cell, by numbers of their corners, (3, n^2 n_cells).
+    """
+
+    cells: Indices
+    basis: Array
+    triangles: Indices
+
+    @classmethod
+    def of(cls, run: Run) -> Self:
+        """As many as a picture shows; straight cells are pieces themselves."""
+        n_cells, order = run.cells.shape[1], run.order
+        n = 1 if order == 1 else max(order, min(round(np.sqrt(_PIECES / n_cells)), _FINEST))
+        corners = lagrange.nodes(n)
+        numbers = np.arange(corners.shape[1] * n_cells).reshape(-1, n_cells)
+        triangles = np.swapaxes(numbers[lagrange.pieces(n)], 1, 2).reshape(3, -1)
+        return cls(run.cells, _basis(order, corners), triangles)
+
+    def at_corners(self, nodal: Array) -> Array:
+        """A field (..., N) at the corners of all pieces, (..., m n_cells)."""
+        values = np.einsum("am,...ae->...me", self.basis, nodal[..., self.cells])
+        return values.reshape(*nodal.shape[:-1], -1)
+
+
+def _basis(order: int, points: Array) -> Array:
+    """The Lagrange basis of order k at barycentric points (3, m): (n_local, m)."""
+    powers = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+    known, wanted = (
+        np.array([at[1] ** i * at[2] ** j for i, j in powers]) for at in (lagrange.nodes(order), points)
+    )
+    return np.asarray(np.linalg.solve(known, wanted))
+
+
 def _drawn(run: Run, frames: Sequence[int], field: str) -> Iterator[Picture]:
     """Pictures of frames, in a window that holds the whole film and with one range of colours."""
-    import pyvista
-
-    cuts = 1 + int(np.clip(np.log(_PIECES / run.triangles.shape[1]) / np.log(4), 0, 3))
-    low, high = _range(run, frames, field)
+    pieces, ends = _Pieces.of(run), _range(run, frames, field)
     x = np.concatenate([run.xi[None], run.points])
     x = x[np.isfinite(x).all(axis=(1, 2))]
     centre, half = (x.max((0, 2)) + x.min((0, 2))) / 2, 0.5 * np.ptp(x, axis=(0, 2)).max()
-    start = grid(run, frames[0]).warp_by_vector("u", factor=-1.0)
-    outline = _surface(start, cuts).extract_feature_edges(
-        boundary_edges=True, feature_edges=False, manifold_edges=False, non_manifold_edges=False
-    )
+    outline = run.xi[:, closed_rim(run.triangles)]
     title = f"{run.attributes['scene_name']}, {run.attributes['method_name']}"
-    plotter = pyvista.Plotter(off_screen=True, window_size=(_SIDE, _SIDE))
-    plotter.enable_parallel_projection()
-    plotter.camera_position = [(*centre, 10.0), (*centre, 0.0), (0.0, 1.0, 0.0)]
-    plotter.camera.parallel_scale = 1.3 * half
-    try:
-        for frame in frames:
-            plotter.clear_actors()
-            plotter.add_mesh(
-                _surface(grid(run, frame), cuts),
-                scalars=field,
-                clim=(low, high),
-                cmap="viridis",
-                lighting=False,
-                reset_camera=False,
-                scalar_bar_args={**_BAR, "title": FIELDS[field]},
-            )
-            plotter.add_mesh(outline, color="grey", line_width=1.5, lighting=False, reset_camera=False)
-            plotter.add_text(f"{title}, t = {run.times[frame]:.6g}", font_size=10, color="black")
-            yield np.asarray(plotter.screenshot(return_img=True))
-    finally:
-        plotter.close()
-
-
-def _surface(cells: Any, cuts: int) -> Any:
-    """Flat pieces of a grid's curved cells."""
-    return cells.extract_surface(nonlinear_subdivision=cuts, algorithm="dataset_surface")
+    for frame in frames:
+        canvas = Canvas((centre - 1.3 * half, centre + 1.3 * half), _SIDE / _INCHES, _INCHES, "white")
+        corners = pieces.at_corners(run.points[frame])
+        shade = partial(
+            canvas.axes.tripcolor, *corners, pieces.triangles.T, cmap=SEQUENTIAL, norm=Normalize(*ends)
+        )
+        if field in ("a_cells", "delta"):
+            values = run.delta if field == "delta" else run.a_cells[frame]
+            shade(facecolors=np.repeat(values, pieces.triangles.shape[1] // len(values)), antialiased=False)
+        else:
+            nodal = pieces.at_corners({"a": run.a_points, "u": run.u, "v": run.v}[field][frame])
+            shade(np.hypot(*nodal) if field in "uv" else nodal, shading="gouraud")
+        canvas.axes.plot(*outline, color="grey", linewidth=0.8)
+        canvas.axes.set_title(f"{title}, t = {run.times[frame]:.6g}", y=0.96, x=0.01, loc="left", fontsize=11)
+        bar = canvas.axes.inset_axes((0.25, 0.045, 0.5, 0.02), yticks=())
+        bar.imshow([np.linspace(0, 1, 256)], cmap=SEQUENTIAL, aspect="auto", extent=(0, 1, 0, 1))
+        bar.set_xticks((0, 1), [f"{end:.4g}" for end in ends])
+        bar.set_title(FIELDS[field], fontsize=11, pad=3)
+        yield canvas.pixels()
 
 
 def _range(run: Run, frames: Sequence[int], field: str) -> tuple[float, float]:
