@@ -30,6 +30,14 @@ def test_a_line_says_the_time_left_where_the_pace_is_known(clock, capsys):
     ]
 
 
+def test_the_whole_is_said_once_however_often_a_study_asks_again(clock, capsys):
+    with Progress(False) as told:
+        for done, whole in ((0, 2), (2, 2), (2, 3), (3, 3)):
+            clock[0] += 1
+            told.report("study", done, whole)
+    assert capsys.readouterr().err.splitlines() == ["study: 100%, 0 s left"]
+
+
 def test_a_run_that_goes_on_has_not_made_all_of_it_just_now(clock, capsys):
     with Progress(False) as told:
         for done in (50, 60):

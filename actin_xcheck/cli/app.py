@@ -157,7 +157,8 @@ def main() -> None:
         _refuse(f"the system has no more memory ({error or 'no more is known'}); what was finished is kept")
     except _Ended as end:
         said = "interrupted" if end.number == signal.SIGINT else f"ended by {end.number.name}"
-        print(f"actin_xcheck: {said}; what was finished is kept", file=sys.stderr)
+        where = "".join(getattr(end, "__notes__", ()))
+        print(f"actin_xcheck: {said}; what was finished is kept{where}", file=sys.stderr)
         sys.exit(128 + end.number)
     except typer.Abort as end:  # typer's reading of the end of a file, which is for what asks questions
         raise (end.__cause__ or end) from None

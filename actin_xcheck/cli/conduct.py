@@ -95,9 +95,13 @@ def carry_out(
 
     wanted = jobs_asked(jobs, scheduler)
     with studies.at_work(make_folder(folder), force), Progress(quiet) as progress:
-        with executor(wanted, scheduler) as processes:
-            tell = saying_the_cost(progress, processes.workers)
-            report = studies.carry_out(name, study, folder, command(), processes, tell)
+        try:
+            with executor(wanted, scheduler) as processes:
+                tell = saying_the_cost(progress, processes.workers)
+                report = studies.carry_out(name, study, folder, command(), processes, tell)
+        except BaseException as end:
+            end.add_note(f" in {folder}; the same command with --out {folder} goes on")
+            raise
         return report, page_of(folder / f"{name}.h5")
 
 

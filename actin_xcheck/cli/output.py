@@ -168,6 +168,7 @@ class Progress:
         self.began: dict[str, tuple[float, float]] = {}
         self.done: dict[str, float] = {}
         self.said: dict[str, float] = {}
+        self.whole: set[str] = set()
 
     def __enter__(self) -> Self:
         self.bars.start()
@@ -204,9 +205,12 @@ class Progress:
         return min(pace * (total - done) if done < total else 0.0, max(self.ends - now, 0.0))
 
     def _line(self, label: str, done: float, total: float, now: float) -> None:
-        if self.quiet or (done < total and now - self.said.setdefault(label, now) < SECONDS_BETWEEN_LINES):
+        again = done < total or label in self.whole  # which a study that asks again comes to more than once
+        if self.quiet or (again and now - self.said.setdefault(label, now) < SECONDS_BETWEEN_LINES):
             return
         self.said[label] = now
+        if done >= total:
+            self.whole.add(label)
         left = self.left(label, done, total)
         known = f", {left:.0f} s left" if math.isfinite(left) else ""
         print(f"{label}: {done / (total or 1):.0%}{known}", file=sys.stderr, flush=True)
