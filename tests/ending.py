@@ -25,25 +25,9 @@ def process(task: object) -> int:
     return os.getpid()
 
 
-def killed_often(task: tuple[Path, int], report) -> None:
+def killed_often(task: tuple[Path, int]) -> None:
     """The second of the tasks kills its process, every time; the others leave a file."""
     folder, number = task
     if number == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     (folder / str(number)).touch()
-
-
-def raises_after(task: tuple[Path, int], report) -> None:
-    """The first of the tasks is wrong; the others leave a file."""
-    folder, number = task
-    if number == 0:
-        raise ValueError("task 0")
-    (folder / str(number)).touch()
-
-
-def told(task: tuple[int, int], report) -> int:
-    """Says every step that it takes."""
-    name, steps = task
-    for step in range(steps + 1):
-        report(str(name), step, steps)
-    return name

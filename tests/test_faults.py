@@ -10,7 +10,7 @@ import pytest
 
 from actin_xcheck.cli.app import main, report_command
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.executor import executor, in_turn, work_off
+from actin_xcheck.runs.executor import executor, in_turn
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -229,17 +229,14 @@ def test_a_claim_with_a_negative_bound_catches_what_exceeds_it(value):
     assert control(caught).holds
 
 
-def process(task, report):
-    report(task, 1, 1)
+def process(task):
     return task, os.getpid()
 
 
 def test_work_is_done_in_turn_and_here_where_that_is_asked_for():
-    said = []
-    with in_turn():
-        done = work_off(process, ["b", "a"], lambda *told: said.append(told), str)
-    assert done == [("b", os.getpid()), ("a", os.getpid())]
-    assert said == [("b", 1, 1), ("a", 1, 1)]
+    with in_turn(), executor(2) as processes:
+        done = list(processes.results(process, ["b", "a"]))
+    assert done == [(0, ("b", os.getpid())), (1, ("a", os.getpid()))]
 
 
 def test_an_unknown_fault_is_a_mistake():

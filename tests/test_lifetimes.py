@@ -1,6 +1,7 @@
 """Whatever ends a command ends all that it has started; a process that is killed costs no other's work."""
 
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -12,11 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.core.errors import UserError
-from actin_xcheck.runs.executor import cores, work_off
+from actin_xcheck.runs.executor import cores, executor
 from actin_xcheck.runs.processes import ATTEMPTS
 from actin_xcheck.runs.store import read_run
-from tests.ending import killed_often, raises_after, told
+from tests.ending import killed_often, raises
 from tests.processes import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -113,30 +113,15 @@ def test_a_killed_process_of_a_comparison_is_replaced_and_its_run_made_again(tmp
     assert {read_run(path).attributes["outcome"] for path in runs} == {"completed"}
 
 
-def test_what_is_killed_every_time_is_named_and_the_others_are_finished(tmp_path):
-    message = rf"^task 1: its process was ended by SIGKILL .*, {ATTEMPTS} times; what was finished is kept"
-    with pytest.raises(UserError, match=message):
-        work_off(killed_often, [(tmp_path, number) for number in range(4)], lambda *said: None, named)
+def test_what_is_killed_every_time_is_lost_and_the_others_are_finished(tmp_path):
+    with executor(2) as processes:
+        found = dict(processes.results(killed_often, [(tmp_path, number) for number in range(4)]))
+    assert re.fullmatch(rf"its process was ended by SIGKILL .*, {ATTEMPTS} times", found.pop(1).message)
+    assert set(found) == {0, 2, 3}
     assert {path.name for path in tmp_path.iterdir()} == {"0", "2", "3"}
 
 
-def test_what_is_raised_is_raised_when_the_others_are_finished_and_says_where(tmp_path):
-    with pytest.raises(ValueError, match="task 0") as error:
-        work_off(raises_after, [(tmp_path, number) for number in range(3)], lambda *said: None, named)
-    assert "in raises_after" in error.value.__notes__[0]
-    assert {path.name for path in tmp_path.iterdir()} == {"1", "2"}
-
-
-def test_progress_is_passed_on_and_results_keep_their_order():
-    said = []
-    results = work_off(told, [(3, 1000), (2, 1), (1, 10)], lambda *one: said.append(one), str)
-    assert results == [3, 2, 1]
-    for label, parts in (("3", 1000), ("2", 1), ("1", 10)):
-        done = [one for name, one, total in said if name == label and total == parts]
-        assert done == sorted(set(done))
-        assert done[-1] == parts
-        assert len(done) <= 51
-
-
-def named(task: tuple[Path, int]) -> str:
-    return f"task {task[1]}"
+def test_what_is_raised_says_where():
+    with executor(2) as processes, pytest.raises(ValueError, match="task 0") as error:
+        dict(processes.results(raises, range(1)))
+    assert "in raises" in error.value.__notes__[0]

@@ -22,8 +22,8 @@ from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, NotRun, nig
 from actin_xcheck.report.draw import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.film import on_triangles
 from actin_xcheck.report.page import environment, put_page
-from actin_xcheck.runs.executor import work_off
-from actin_xcheck.runs.processes import Report
+from actin_xcheck.runs.executor import cores, executor
+from actin_xcheck.runs.processes import Lost
 from actin_xcheck.studies.compare import read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.faults import FAULTS
@@ -76,11 +76,19 @@ def _state(verdicts: Counter[str]) -> str:
 def write_scene_pages(folder: Path) -> None:
     """Write the report of every comparison in a night's folder, with the film of its cell, beside it."""
     places = sorted((folder / "checks").glob(f"*/{COMPARISON}"))
-    work_off(_scene_page, places, lambda label, done, total: None, str)
+    with executor(min(len(places), cores())) as processes:
+        found = list(processes.results(_scene_page, places))
+    if said := [one.message if isinstance(one, Lost) else one for _, one in found if one]:
+        raise UserError(f"{'; '.join(said)}; valid: the same command again")
 
 
-def _scene_page(file: Path, report: Report) -> None:
-    write_comparison_page(file)
+def _scene_page(file: Path) -> str:
+    """Write a report; what is wrong, so that the others are written."""
+    try:
+        write_comparison_page(file)
+    except UserError as error:
+        return str(error)
+    return ""
 
 
 def write_night_page(folder: Path) -> Path:

@@ -28,17 +28,11 @@ from actin_xcheck.runs.method import METHODS
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-Report = Callable[[str, int, int], None]
-"""Called with a label, parts done and parts in all."""
-
 ATTEMPTS = 3
 """Processes that may end under a task; one more would most likely end under it too."""
 
 _DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
-
-_TIMES = 50
-"""How often a task's progress is passed on, about."""
 
 
 @dataclass(frozen=True)
@@ -64,15 +58,12 @@ class Processes:
     Parameters
     ----------
     jobs : how many.
-    report : told of the tasks' progress; `work` is then handed a Report of its own beside each task.
     context : how they are started, of `multiprocessing`; None: afresh.
     attempts : see `ATTEMPTS`.
     """
 
-    def __init__(
-        self, jobs: int, report: Report | None = None, context: Any = None, attempts: int = ATTEMPTS
-    ) -> None:
-        self._jobs, self._report, self._attempts = jobs, report, attempts
+    def __init__(self, jobs: int, context: Any = None, attempts: int = ATTEMPTS) -> None:
+        self._jobs, self._attempts = jobs, attempts
         self._context = context or multiprocessing.get_context("spawn")
         self._idle: list[_Process] = []
 
@@ -82,7 +73,7 @@ class Processes:
         return self._jobs
 
     def results(
-        self, work: Callable[..., Result], tasks: Sequence[Task]
+        self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
         """As an `Executor`'s."""
         waiting, ends = deque(range(len(tasks))), Counter[int]()
@@ -99,10 +90,6 @@ class Processes:
                 for pipe in wait(list(busy)):
                     number, process = busy[pipe]  # type: ignore[index]
                     kind, said = process.hear()
-                    if kind == "told":
-                        assert self._report is not None
-                        self._report(*said)
-                        continue
                     del busy[process.pipe]
                     if kind == "lost":
                         process.end()
@@ -127,9 +114,9 @@ class Processes:
         while self._idle:
             self._idle.pop().end()
 
-    def _begin(self, work: Callable[..., Any], task: object) -> "_Process":
+    def _begin(self, work: Callable[[Any], Any], task: object) -> "_Process":
         """Hand a task to a process that is idle, or to a new one."""
-        given = work, task, self._report is not None
+        given = work, task
         while self._idle:
             process = self._idle.pop()
             try:
@@ -158,7 +145,7 @@ class _Process:
         away.close()
 
     def hear(self) -> tuple[str, Any]:
-        """What it says next: "told", "done" or "raised" and what; "lost" and a Lost where it has ended."""
+        """What it says next: "done" or "raised" and what; "lost" and a Lost where it has ended."""
         try:
             kind, said = self.pipe.recv()
         except (EOFError, OSError):
@@ -189,25 +176,13 @@ def _serve(pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's: the one that started this process ends it
     while True:
         try:
-            work, task, tells = pipe.recv()
+            work, task = pipe.recv()
         except EOFError:
             return
         try:
-            pipe.send(("done", work(task, _reporting(pipe)) if tells else work(task)))
+            pipe.send(("done", work(task)))
         except Exception as error:
             pipe.send(("raised", portable(error)))
-
-
-def _reporting(pipe: Connection) -> Report:
-    """A Report that sends what it is told home, now and then."""
-    parts: dict[str, int] = {}
-
-    def report(label: str, done: int, total: int) -> None:
-        if parts.get(label) != (part := _TIMES * done // max(total, 1)):
-            parts[label] = part
-            pipe.send(("told", (label, done, total)))
-
-    return report
 
 
 def portable(error: Exception) -> Exception:
@@ -268,19 +243,18 @@ def prepare(modules: Iterable[str], now: bool = False) -> None:
             ensure_running()
 
 
-def work_alone(work: Callable[..., Result], task: Task, report: Report | None = None) -> Result | Lost:
+def work_alone(work: Callable[[Task], Result], task: Task) -> Result | Lost:
     """Return the result of `work` on a task, made in a process of its own while this one waits.
 
     Parameters
     ----------
-    work : a module's function; it is handed the task, and a Report of its own where one is given.
+    work : a module's function; it is handed the task.
     task : picklable.
-    report : told of the task's progress, in this process.
 
     Raises whatever `work` raises; Lost where the process ends without an answer.
     """
     have_room_for_sockets()
-    with closing(Processes(1, report, _CONTEXT, attempts=1)) as alone:
+    with closing(Processes(1, _CONTEXT, attempts=1)) as alone:
         ((_, result),) = alone.results(work, [task])
     return result
 
