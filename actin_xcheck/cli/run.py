@@ -252,7 +252,7 @@ def _deliver(
 
 
 Stored = Annotated[Path, typer.Argument(help="A stored run, .vtkhdf.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+Replace = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 
 
 def render_command(
@@ -264,7 +264,7 @@ def render_command(
         float | None, typer.Option(help="Output time to draw in a .png; default: the last.")
     ] = None,
     field: Annotated[str, typer.Option(help=f"One of {', '.join(FIELDS)}.")] = "a",
-    force: Force = False,
+    force: Replace = False,
     json: Json = False,
 ) -> None:
     """Draw a frame of a stored run as a .png, or its film as a .gif or (where ffmpeg is found) an .mp4.
@@ -289,7 +289,7 @@ def export_command(
     to: Annotated[
         Path, typer.Option("--to", help="film.xdmf (with film.h5), or film.pvd (with a .vtu a frame).")
     ],
-    force: Force = False,
+    force: Replace = False,
     json: Json = False,
 ) -> None:
     """Write the film of a stored run for other tools: XDMF with straight triangles, or VTU with curved cells.
