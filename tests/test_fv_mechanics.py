@@ -1,7 +1,7 @@
 """The finite volumes' own force balance: patch tests, orders, ring, closures, gauge, systems."""
 
 import dataclasses
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +17,9 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies import balances
+from actin_xcheck.studies.balances import lopsided as concentration
+from actin_xcheck.studies.balances import uniform
 from actin_xcheck.theory.eigenfields import growth_rate
 from fem.fields import locate
 from fem.force_balance import ForceBalance
@@ -31,33 +34,11 @@ from tests.test_growth import measured_rate
 VISCOUS, ELASTIC = Rheology.VISCOUS, Rheology.VISCOELASTIC
 MESH = disk(3, 0.8)
 FREE = Closure.TRACTION_FREE
+stirred, turned = (partial(moved, amount=0.06) for moved in (balances.stirred, balances.turned))
 
 
 def model_of(psi=0.0, p=0.0, delta=Delta.NONE, rheology=VISCOUS, closure=Closure.REFERENCE_NORMAL):
     return Model(Parameters(psi, p), rheology, closure, delta)
-
-
-def concentration(xi):
-    return 1 + 0.3 * np.sin(2 * xi[0] + 0.5) * np.cos(1.5 * xi[1])
-
-
-def uniform(xi):
-    return np.ones(xi.shape[1])
-
-
-def stirred(xi, amount=0.06):
-    """Positions after a smooth displacement that keeps rim points on their rays."""
-    x, y = xi
-    inner = (1 - x**2 - y**2) * np.array([np.sin(2 * y), np.cos(x)])
-    return xi + amount * (xi * (1 + x * y / 2) + inner)
-
-
-def turned(xi, amount=0.06):
-    """The same with rim points that slide along the wall."""
-    x, y = xi
-    inner = (1 - x**2 - y**2) * np.array([np.sin(2 * y), np.cos(x)])
-    angle = amount * (1 + x * y / 2)
-    return np.cos(angle) * xi + np.sin(angle) * np.array([-y, x]) + amount * inner
 
 
 def stretched(xi):
@@ -120,7 +101,7 @@ def flow_error(model, mesh, moved, a=concentration):
 
 
 def test_gradients_and_tractions_are_exact_for_linear_fields_on_any_mesh():
-    balance, x = FvForceBalance(model_of(), mesh := shuffled(3)), stirred(shuffled(3).xi, 0.1)
+    balance, x = FvForceBalance(model_of(), mesh := shuffled(3)), stirred(shuffled(3).xi, amount=0.1)
     slope = np.array([[0.3, -0.2], [0.7, 0.1]])
     diamonds = Diamonds.at(balance.faces, x)
     gradient = diamonds.gradient(slope @ diamonds.places, slope @ x)
@@ -341,7 +322,7 @@ def test_a_mode_of_the_moving_cell_grows_at_its_exact_rate():
 def test_a_step_does_not_depend_on_where_its_systems_were_preconditioned():
     solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS["fv"], 3, 0.01))
     start = solver.init()
-    elsewhere = dataclasses.replace(start, anchor=Anchor(stirred(start.x, 0.1)))
+    elsewhere = dataclasses.replace(start, anchor=Anchor(stirred(start.x, amount=0.1)))
     ours, theirs = (solver.step(state, 0.01)[0] for state in (start, elsewhere))
     assert np.abs(ours.x - theirs.x).max() < 1e-11
     assert np.abs(ours.a - theirs.a).max() < 1e-11

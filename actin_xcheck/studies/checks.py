@@ -15,6 +15,7 @@ from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.studies.balances import LOADS, Balanced
 from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge import converge
 from actin_xcheck.studies.converge.plan import Refined, refinements_of
@@ -215,6 +216,7 @@ OWN = "fv"
 FIELD, AREA, RATE = "concentration", "area", "growth_rate"
 
 SUITE: tuple[Check, ...] = (
+    *map(Balanced, LOADS),
     Compared("static-decay", (PAPER, FV), 3),
     Compared("mode-11-wall", (PAPER, FV), 3),
     Compared("mode-1-cell", (PAPER,), 4),

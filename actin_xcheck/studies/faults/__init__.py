@@ -19,7 +19,7 @@ from actin_xcheck.core.errors import UserError, starved
 from actin_xcheck.core.mesh import signed_areas
 from actin_xcheck.core.model import Array, Model
 from actin_xcheck.runs.numerics import command
-from actin_xcheck.studies.faults import mechanics, schemes, transport
+from actin_xcheck.studies.faults import mechanics, one_sided, schemes, transport
 from actin_xcheck.studies.faults.fault import ControlError, Fault, Function, injected, there, watched
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
@@ -355,7 +355,7 @@ OF_JUDGES = (
 )
 
 
-FAULTS = {fault.name: fault for fault in (*mechanics.FAULTS, *transport.FAULTS, *schemes.FAULTS, *OF_JUDGES)}
+FAULTS = {fault.name: fault for fault in (*mechanics.FAULTS, *one_sided.FAULTS, *transport.FAULTS, *schemes.FAULTS, *OF_JUDGES)}
 
 
 def find_faults(names: Sequence[str] | None) -> list[Fault]:

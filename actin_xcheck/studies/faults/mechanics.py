@@ -1,17 +1,15 @@
-"""Faults of the constitutive laws, the force balance and its closures.
+"""Faults of the constitutive laws, which all codes share, and of the elements' force balance and closures.
 
-Those of the elements are in one code, lent to finite volumes; those of the finite volumes' own balance are
-each in one code, so that the other one must show it.
+That one is lent to finite volumes.
 """
 
-from copy import copy
 from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from actin_xcheck.core.model import Array, Closure, Model
+from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.studies.faults.fault import Fault, Function
 
 _FEM_BALANCE = "fem.force_balance:ForceBalance"
@@ -22,7 +20,8 @@ def _negative(right: Function, *arguments: Any) -> Any:
     return -right(*arguments)
 
 
-def _nothing(right: Function, *arguments: Any) -> Any:
+def nothing(right: Function, *arguments: Any) -> Any:
+    """No part of it."""
     return 0 * right(*arguments)
 
 
@@ -51,7 +50,8 @@ def _frozen(right: Function, self: Any, t: float, dt: float, x: Array, corners: 
     return replace(right(self, t, dt, x, corners), x=x)
 
 
-def _forgotten(right: Function, self: Any, x: Array) -> Array:
+def forgotten(right: Function, self: Any, x: Array) -> Array:
+    """No displacement, (2, N)."""
     return np.zeros_like(right(self, x))
 
 
@@ -78,7 +78,7 @@ def _per_node(right: Function, self: Any, x: Array) -> tuple[Array, Array]:
     return rigid, rigid
 
 
-OF_ELEMENTS = (
+FAULTS = (
     Fault(
         "rim-integral-sign",
         "The boundary integral of f w·n enters the force balance with the wrong sign.",
@@ -91,7 +91,7 @@ OF_ELEMENTS = (
         "The boundary integral of f w·n is left out, as if the active stress had no traction on the rim.",
         "both",
         "fem.kernels:RimSample.normal_load",
-        _nothing,
+        nothing,
     ),
     Fault(
         "rim-geometry-lagged",
@@ -105,7 +105,7 @@ OF_ELEMENTS = (
         "The pressure does not jump at the ring: δ is 0 in all cells.",
         "both",
         f"{_MODEL}.delta_on_cells",
-        _nothing,
+        nothing,
     ),
     Fault(
         "two-over-pi-dropped",
@@ -147,7 +147,7 @@ OF_ELEMENTS = (
         "A viscoelastic network forgets its displacement, as a viscous one does.",
         "both",
         f"{_FEM_BALANCE}.displacement",
-        _forgotten,
+        forgotten,
     ),
     Fault(
         "mesh-frozen",
@@ -182,7 +182,7 @@ OF_ELEMENTS = (
         "The wall of irrotational-wall has no friction, so that curl v is not 0 there.",
         "both",
         "fem.kernels:RimSample.friction",
-        _nothing,
+        nothing,
     ),
     Fault(
         "gauge-per-node",
@@ -192,129 +192,3 @@ OF_ELEMENTS = (
         _per_node,
     ),
 )
-
-
-_FV_BALANCE = "fv.mechanics:FvForceBalance"
-
-
-class _Rounded(Model):
-    """The pressure with 0.6 in place of 2/pi."""
-
-    def pressure(self, a: Array, phi: Array, delta: Array | float) -> Array:
-        return super().pressure(a, phi, 0.3 * np.pi * delta)
-
-
-class _NegativeBulk(Model):
-    """The elastic stress with -nu' in place of nu'."""
-
-    def elastic_moduli(self) -> tuple[float, float]:
-        one, nu_prime = super().elastic_moduli()
-        return one, -nu_prime
-
-
-def _with_model(right: Function, self: Any, model: Model, *arguments: Any) -> Any:
-    other = copy(self)
-    other.model = model
-    return right(other, *arguments)
-
-
-def _unsaturated(right: Function, self: Any, *arguments: Any) -> Any:
-    parameters = replace(self.model.parameters, a_sat=1e9)
-    return _with_model(right, self, replace(self.model, parameters=parameters), *arguments)
-
-
-def _rounded(right: Function, self: Any, *arguments: Any) -> Any:
-    return _with_model(right, self, _Rounded(**vars(self.model)), *arguments)
-
-
-def _negative_bulk(right: Function, self: Any, *arguments: Any) -> Any:
-    return _with_model(right, self, _NegativeBulk(**vars(self.model)), *arguments)
-
-
-def _inside_out(right: Function, self: Any, *arguments: Any) -> None:
-    right(self, *arguments)
-    self.delta = 1 - self.delta
-
-
-def _exchanged(right: Function, self: Any, moduli: tuple[float, float]) -> Array:
-    return np.asarray(right(self, moduli[::-1]))
-
-
-def _faces_along_the_current_rim(right: Function, self: Any, closure: Closure, faces: Any) -> None:
-    right(self, Closure.CURRENT_NORMAL if closure is Closure.REFERENCE_NORMAL else closure, faces)
-
-
-OF_VOLUMES = (
-    Fault(
-        "fv-saturation-ignored",
-        "The finite volumes' force balance ignores a_sat.",
-        "fv",
-        f"{_FV_BALANCE}.loads",
-        _unsaturated,
-    ),
-    Fault(
-        "fv-pressure-rounded",
-        "The finite volumes' pressure has 0.6 in place of 2/π.",
-        "fv",
-        f"{_FV_BALANCE}.loads",
-        _rounded,
-    ),
-    Fault(
-        "fv-bulk-negative",
-        "The finite volumes' elastic stress has −ν′ in place of ν′.",
-        "fv",
-        f"{_FV_BALANCE}.loads",
-        _negative_bulk,
-    ),
-    Fault(
-        "fv-ring-inside-out",
-        "The finite volumes polymerise within the ring in place of beyond it.",
-        "fv",
-        f"{_FV_BALANCE}.__init__",
-        _inside_out,
-    ),
-    Fault(
-        "fv-rim-load-dropped",
-        "The rim's faces of the finite volumes are pulled from within and not pushed from without.",
-        "fv",
-        f"{_FV_BALANCE}._on_rim",
-        _nothing,
-    ),
-    Fault(
-        "fv-viscosities-swapped",
-        "μ₁ and μ₂ change places in the part of the traction that vertex values make.",
-        "fv",
-        "fv.stress:Diamonds.cross",
-        _exchanged,
-    ),
-    Fault(
-        "fv-cross-dropped",
-        "The part of the traction that vertex values make is left out: two points alone.",
-        "fv",
-        "fv.stress:Diamonds.cross",
-        _nothing,
-    ),
-    Fault(
-        "fv-elasticity-forgotten",
-        "A viscoelastic network of finite volumes forgets its displacement.",
-        "fv",
-        f"{_FV_BALANCE}.displacement",
-        _forgotten,
-    ),
-    Fault(
-        "fv-rim-direction-current",
-        "The rim's faces and vertices of the finite volumes move along its current normal.",
-        "fv",
-        "fv.boundary:Ties.__init__",
-        _faces_along_the_current_rim,
-    ),
-    Fault(
-        "fv-wall-friction-dropped",
-        "The wall has no friction for the finite volumes.",
-        "fv",
-        "fv.system:System._friction",
-        _nothing,
-    ),
-)
-
-FAULTS = (*OF_ELEMENTS, *OF_VOLUMES)
