@@ -78,7 +78,7 @@ def run(
 
 def cross_check(
     scenes: str | Path | Sequence[str | Path] = comparison.DEFAULT_SCENES,
-    methods: Sequence[str] = comparison.DEFAULT_METHODS,
+    methods: Sequence[str] | None = None,
     *,
     refine: int | None = None,
     dt: float | None = None,
@@ -92,7 +92,7 @@ def cross_check(
     Parameters
     ----------
     scenes : shipped names or paths of TOML files.
-    methods : names out of `actin_xcheck.runs.method.METHODS`.
+    methods : names out of `actin_xcheck.runs.method.METHODS`; None: as the command takes them.
     refine, dt, rtol : as for `run`; `rtol` for the adaptive methods among them.
     out : folder for runs and report, which goes on with what lies there; else `reports/compare-<date>`.
     jobs, scheduler : as for `sweep`.
@@ -103,7 +103,8 @@ def cross_check(
     """
     wanted = [scenes] if isinstance(scenes, str | Path) else scenes
     processes_asked = jobs_asked(jobs, scheduler)
-    runs_asked = comparison.jobs_of(load_scenes(wanted), find_methods(methods), refine, dt, rtol)
+    chosen = find_methods(methods) if methods else None
+    runs_asked = comparison.jobs_of(load_scenes(wanted), chosen, refine, dt, rtol)
     folder = make_folder(report_folder(None if out is None else Path(out), "compare"))
     with at_work(folder), executor(processes_asked, scheduler) as processes:
         study = comparison.compare(runs_asked)

@@ -163,7 +163,7 @@ def test_compare_writes_one_folder_and_report_makes_the_page_again(tmp_path):
     assert "claims hold; report: c/index.html" in done.stdout
     names = {"compare.h5", "index.html", "journal.sqlite"} | {
         f"growing-disk--{m}{coarser}.vtkhdf"
-        for m in ("fem-p1-paper", "fv-coupled")
+        for m in ("fem-p1-imex2", "fv")
         for coarser in ("", "--coarser-1", "--coarser-2")
     }
     assert {path.name for path in (tmp_path / "c").iterdir()} == names
@@ -206,7 +206,7 @@ def test_the_ill_posed_closure_is_warned_of_and_the_gauged_one_reports_its_loads
         page = (tmp_path / closure / "index.html").read_text(encoding="utf-8")
         assert ("ill-posed" in done.stderr) == ("ill-posed" in page) == (closure == "current-normal")
         assert ("Net torque" in page) == (closure == "traction-free")
-    with h5py.File(tmp_path / "traction-free" / "n--fem-p1-paper.vtkhdf") as file:
+    with h5py.File(tmp_path / "traction-free" / "n--fem-p1-imex2.vtkhdf") as file:
         assert abs(file["run/series/net_force"][1, 0]) > 0.1
         assert np.abs(file["run/series/net_torque"][1:]).max() < 1e-10
 

@@ -130,7 +130,7 @@ def worked(place: Path, around: dict[str, str]) -> dict[str, dict[str, bytes | s
         ("compare", "fig14-four-fronts", *shared, "--out", "c"),
         ("sweep", "s.toml", "--method", "fem-p2-imex3", *shared, "--out", "s"),
         ("report", "c"),
-        ("export", "c/fig14-four-fronts--fv-coupled.vtkhdf", "--to", "film.xdmf"),
+        ("export", "c/fig14-four-fronts--fv-paper.vtkhdf", "--to", "film.xdmf"),
         ("predict", "threshold", "--p", 0.26, "--m", 1, "--json"),
         ("scenes",),
     ):

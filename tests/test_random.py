@@ -111,6 +111,7 @@ def test_a_miss_is_made_as_simple_as_it_can_be():
         row.name not in missed for row in report.tables["scenes"].rows
     ]
     assert len(report.findings) == len(missed)
+    assert report.command == f"python -m actin_xcheck random --seed {SEED} --count 6 --first 0"
     last = parse_scene(asked[-1].scene, "the simplest")
     assert last.parameters.p > 0
     assert last.parameters.psi == 0

@@ -178,7 +178,7 @@ def test_a_cross_check_is_the_commands(tmp_path: Path) -> None:
     found = actin_xcheck.cross_check("static-decay", refine=3, out=tmp_path / "c")
     assert {claim.scene for claim in found.claims} == {"static-decay"}
     assert all(claim.holds for claim in found.claims if claim.judged)
-    assert set(found.runs) == {"static-decay/fem-p1-paper", "static-decay/fv-coupled"}
+    assert set(found.runs) == {"static-decay/fem-p1-imex2", "static-decay/fv"}
     assert (tmp_path / "c" / "index.html").exists()
     made = [path.stat().st_mtime_ns for path in (tmp_path / "c").glob("*.vtkhdf")]
     again = actin_xcheck.cross_check("static-decay", refine=3, out=tmp_path / "c")

@@ -22,7 +22,7 @@ from actin_xcheck.runs.executor import cores
 from actin_xcheck.runs.method import METHODS, Method, find_method
 from actin_xcheck.runs.numerics import KERNEL, seconds_of
 from actin_xcheck.runs.provenance import provenance
-from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, PAPER, SUITE, Compared, Studied
+from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, IMEX, OWN, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults import FAULTS, Check
@@ -39,7 +39,7 @@ _EXACT = (
 )  # fmt: skip
 
 EXTRA: tuple[Check, ...] = (
-    *(Compared(scene, (PAPER, FV), 5, steps=100) for scene in DEFAULT_SCENES),
+    *(Compared(scene, pair, 5, steps=100) for scene in DEFAULT_SCENES for pair in ((PAPER, FV), (IMEX, OWN))),
     Diluted((PAPER, FV), 3),
     *(Compared(scene, (PAPER, FV), 4, steps=100) for scene in _EXACT),
     *(

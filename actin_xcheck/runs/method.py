@@ -5,7 +5,7 @@ and imported when it is theirs.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -193,6 +193,15 @@ def find_method(name: str) -> Method:
 def find_methods(names: Iterable[str]) -> list[Method]:
     """Return the methods of these names, each once; UserError as `find_method`."""
     return [find_method(name) for name in dict.fromkeys(names)]
+
+
+def with_lent_balance(method: Method) -> Method | None:
+    """The method that differs from a finite-volume one by a force balance that the elements lend it, or None
+    where there is no such.
+    """
+    lent = replace(method, name="", description="", mechanics=FORCE_BALANCE)
+    others = (one for one in METHODS.values() if replace(one, name="", description="") == lent)
+    return next(others, None) if method.mechanics == FV_FORCE_BALANCE else None
 
 
 def packages_of_methods() -> list[str]:

@@ -16,9 +16,9 @@ from actin_xcheck.core.contract import Move
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.method import FORCE_BALANCE, FV_FORCE_BALANCE
 from actin_xcheck.runs.method import load as loaded
+from actin_xcheck.runs.numerics import command
 
 METHODS = "fem-p1-imex2", "fv"
 """Of which these are the force balances, among others."""

@@ -20,7 +20,8 @@ from actin_xcheck.report.page import environment, put_page
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare import Comparison, read_comparison
-from actin_xcheck.verdicts.triangulate import Triangle
+from actin_xcheck.verdicts.localise import Parting
+from actin_xcheck.verdicts.triangulate import Corner, Triangle
 
 _INK = -1
 """The style of what no method drew."""
@@ -42,6 +43,7 @@ class _Section:
     right: int
     charts: tuple[Drawing, ...]
     triangles: tuple[tuple[Triangle, Drawing | None], ...]
+    partings: tuple[tuple[Parting, Drawing | None], ...]
 
     @property
     def caveat(self) -> str | None:
@@ -99,12 +101,24 @@ def _sections(comparison: Comparison) -> list[_Section]:
     for run in comparison.runs.values():
         by_scene.setdefault(run.attributes["scene_name"], []).append(run)
     return [
-        _section(i, name, sorted(runs, key=_rank), [one for one in comparison.triangles if one.scene == name])
+        _section(
+            i,
+            name,
+            sorted(runs, key=_rank),
+            [one for one in comparison.triangles if one.scene == name],
+            [one for one in comparison.partings if one.scene == name],
+        )
         for i, (name, runs) in enumerate(by_scene.items(), 1)
     ]
 
 
-def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Triangle]) -> _Section:
+def _section(
+    number: int,
+    name: str,
+    runs: Sequence[Run],
+    triangles: Sequence[Triangle],
+    partings: Sequence[Parting],
+) -> _Section:
     for run in runs:
         _stated(run, "method")
         if not run.series or not len(run.times):
@@ -123,35 +137,51 @@ def _section(number: int, name: str, runs: Sequence[Run], triangles: Sequence[Tr
         film_data(runs, strip),
         next(finite_volumes, len(runs) - 1),
         tuple(charts(runs)),
-        tuple((one, _drawn(one, numbers)) for one in triangles),
+        tuple((one, _drawn(_triangle(one, numbers), "triangles")) for one in triangles),
+        tuple((one, _drawn(_parting(one, numbers), "partings")) for one in partings),
     )
 
 
-def _drawn(triangle: Triangle, styles: dict[str, int]) -> Drawing | None:
-    """A triangle where there was something to compare."""
-    exhibit = _intervals(triangle, styles)
-    return draw(exhibit, f"/tables/triangles/{triangle.key}") if exhibit else None
+def _drawn(exhibit: Intervals | None, table: str) -> Drawing | None:
+    """What was compared, where there was something to compare."""
+    return draw(exhibit, f"/tables/{table}/{exhibit.key}") if exhibit else None
 
 
-def _intervals(triangle: Triangle, styles: dict[str, int]) -> Intervals | None:
+def _triangle(one: Triangle, styles: dict[str, int]) -> Intervals | None:
     """Return a triangle as distances from theory, or from FEM without one; None where nothing was compared.
 
     `styles` are the numbers of the methods' colours, by name.
     """
-    corners = triangle.corners
-    if not corners:
+    if not one.corners:
         return None
-    origin = corners[2 if len(corners) > 2 else 0]
-    used = [*(styles.get(name, _INK) for name in triangle.methods), _INK]
+    origin = one.corners[2 if len(one.corners) > 2 else 0]
+    xlabel = f"distance from {origin.value:.6g} ({origin.name})"
+    used = [*(styles.get(name, _INK) for name in one.methods), _INK]
+    return _intervals(one, origin, 1.0, xlabel, used[: len(one.corners)])
+
+
+def _parting(one: Parting, styles: dict[str, int]) -> Intervals | None:
+    """Return where codes part as distances from FEM, in sums of its uncertainty and that of FV."""
+    if not one.corners:
+        return None
+    elements, _, own = one.corners
+    unit = elements.uncertainty + own.uncertainty
+    xlabel = "distance from FEM, in sums of the uncertainties of FEM and FV"
+    return _intervals(one, elements, unit, xlabel, [styles.get(name, _INK) for name in one.methods])
+
+
+def _intervals(
+    one: Triangle | Parting, origin: Corner, unit: float, xlabel: str, styles: Sequence[int]
+) -> Intervals:
     return Intervals(
-        key=triangle.key,
-        title=triangle.words,
-        note=triangle.sentence,
-        xlabel=f"distance from {origin.value:.6g} ({origin.name})",
-        names=tuple(corner.name for corner in corners),
-        values=np.array([corner.value - origin.value for corner in corners]),
-        uncertainties=np.array([corner.uncertainty for corner in corners]),
-        styles=tuple(used[: len(corners)]),
+        key=one.key,
+        title=one.words,
+        note=one.sentence,
+        xlabel=xlabel,
+        names=tuple(corner.name for corner in one.corners),
+        values=np.array([corner.value - origin.value for corner in one.corners]) / unit,
+        uncertainties=np.array([corner.uncertainty for corner in one.corners]) / unit,
+        styles=tuple(styles),
     )
 
 

@@ -108,6 +108,7 @@ class Report:
     links : files of the study's folder, such as runs, by the place in its file where they are linked.
     verdicts : how many of what it judges came out how, where its claims do not say that.
     known : the command's `known_to_percent` in JSON, see `cli.output.ReportAnswer`.
+    command : what makes it again, where the one that was typed does not say all of that, such as a seed.
     """
 
     title: str
@@ -119,6 +120,7 @@ class Report:
     links: Mapping[str, str] = field(default_factory=dict)
     verdicts: Mapping[str, int] = field(default_factory=dict)
     known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    command: str = ""
 
 
 Study = Generator[Sequence[Task], list[Any], Report]
@@ -212,7 +214,8 @@ def write_report(path: Path, name: str, report: Report, command: str) -> None:
     A column is `/tables/<name>/<field>`, a claim a row of the columns `/claims/<field>`, an exhibit
     `/exhibits/<chapter>/<key>`, a link to a file whatever the report says.
     """
-    said = {"study": name, "command": command, "title": report.title, "lead": report.lead}
+    said = {"study": name, "command": report.command or command}
+    said |= {"title": report.title, "lead": report.lead}
     with writing(path, {**said, "findings": report.findings, **provenance()}) as file:
         tables = file.create_group("tables", track_order=True)
         for key, table in report.tables.items():

@@ -123,27 +123,15 @@ def triangulate(scene: Scene, levels: Sequence[Levels]) -> list[Triangle]:
 
 def _of_pair(scene: Scene, *pair: Levels) -> Iterator[Triangle]:
     both = pair[0].method.name, pair[1].method.name
-    times = [t for t in scene.output_times if all(reaches(one.runs[0], t) for one in pair)]
-    missing = [_ending(one.runs[0]) for one in pair if not reaches(one.runs[0], scene.output_times[-1])]
-    ended = f" ({'; '.join(missing)})" if missing else ""
+    times, ended = times_of(scene, pair)
     if not times:
         sentence = f"no output time was reached by both{ended}"
         yield Triangle(scene.name, both, "area", "nothing to compare", (), np.nan, sentence)
         return
     for quantity in QUANTITIES:
-        names = _names(scene, quantity)
-        at = [t for t in times if quantity != "growth_rate" or t == scene.output_times[-1]]
         found = [
-            Triangle(
-                scene.name,
-                both,
-                quantity,
-                f"{names[i]} at t = {t:.4g}" if quantity != "growth_rate" else names[i],
-                corners,
-                *verdict(corners, ended),
-            )
-            for t in at
-            for i, corners in enumerate(_corners(scene, pair, quantity, t) if names else ())
+            Triangle(scene.name, both, quantity, words, corners, *verdict(corners, ended))
+            for words, corners in corners_of(scene, pair, quantity, times)
         ]
         if found:
             yield max(found, key=_tells)
@@ -172,15 +160,29 @@ def _names(scene: Scene, quantity: str) -> list[str]:
             return [quantity.replace("_", " ")]
 
 
-def _corners(scene: Scene, pair: Sequence[Levels], quantity: str, t: float) -> Iterator[tuple[Corner, ...]]:
-    """The corners of every part of a quantity."""
-    theory = known(scene, quantity, t)
-    codes = [(one.family, *estimate(scene, one, quantity, t)) for one in pair]
-    for i in range(len(codes[0][1])):
-        corners = [Corner(name, float(values[i]), spread, how) for name, values, spread, how in codes]
-        if theory is not None and np.isfinite(theory.values[i]):
-            corners.append(_third(theory, i))
-        yield tuple(corners)
+def times_of(scene: Scene, levels: Sequence[Levels]) -> tuple[list[float], str]:
+    """The output times that all runs reach, and how those ended that did not reach the last one, in words."""
+    runs = [one.runs[0] for one in levels]
+    missing = [_ending(run) for run in runs if not reaches(run, scene.output_times[-1])]
+    times = [t for t in scene.output_times if all(reaches(run, t) for run in runs)]
+    return times, f" ({'; '.join(missing)})" if missing else ""
+
+
+def corners_of(
+    scene: Scene, levels: Sequence[Levels], quantity: str, times: Sequence[float]
+) -> Iterator[tuple[str, tuple[Corner, ...]]]:
+    """Words and corners, theory last, of every part of a quantity at every time, of a rate at the end."""
+    names = _names(scene, quantity)
+    for t in times if names else ():
+        if quantity == "growth_rate" and t != scene.output_times[-1]:
+            continue
+        theory = known(scene, quantity, t)
+        codes = [(one.family, *estimate(scene, one, quantity, t)) for one in levels]
+        for i, name in enumerate(names[: len(codes[0][1])]):  # a mode need have no frequency
+            corners = [Corner(code, float(values[i]), spread, how) for code, values, spread, how in codes]
+            if theory is not None and np.isfinite(theory.values[i]):
+                corners.append(_third(theory, i))
+            yield name if quantity == "growth_rate" else f"{name} at t = {t:.4g}", tuple(corners)
 
 
 def _third(theory: Known, i: int) -> Corner:
@@ -292,11 +294,13 @@ def verdict(corners: Sequence[Corner], ended: str = "") -> tuple[float, str]:
     corners : of the two codes, and perhaps a third.
     ended : how a run ended before its time, where one did.
     """
-    stated = ", ".join(_in_words(corner, corners) for corner in corners) + ended
     one, other = corners[:2]
+    finest = 1e-2 * np.fmin(one.uncertainty, other.uncertainty)  # theory two digits further than the codes
+    known_to = one.uncertainty, other.uncertainty, finest
+    stated = ", ".join(map(in_words, corners, known_to)) + ended
     if unsure := [f"{corner.name} has {corner.how}" for corner in corners if np.isnan(corner.uncertainty)]:
         return np.nan, f"{stated}: not judged, {' and '.join(unsure)}"
-    codes = _apart(one, other)
+    codes = distance(one, other)
     if len(corners) == 2:
         if codes <= 1:
             return codes, f"{stated}: the two agree; there is no theory here"
@@ -305,7 +309,7 @@ def verdict(corners: Sequence[Corner], ended: str = "") -> tuple[float, str]:
             "here: one of them is off and this scene cannot say which"
         )
     third = corners[2]
-    off = [_apart(code, third) for code in (one, other)]
+    off = [distance(code, third) for code in (one, other)]
     return max(codes, *off), f"{stated}: {_which(corners, codes, off)}"
 
 
@@ -340,15 +344,13 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times the uncertainty"
 
 
-def _apart(one: Corner, other: Corner) -> float:
+def distance(one: Corner, other: Corner) -> float:
+    """Of two corners, over the sum of their uncertainties; nan without them."""
     return abs(one.value - other.value) / (one.uncertainty + other.uncertainty)
 
 
-def _in_words(corner: Corner, corners: Sequence[Corner]) -> str:
-    """Name, value and uncertainty, as far as two digits of it go; theory two further than the codes."""
-    known_to = corner.uncertainty
-    if corner is not corners[0] and corner is not corners[1]:
-        known_to = 1e-2 * np.fmin(corners[0].uncertainty, corners[1].uncertainty)
+def in_words(corner: Corner, known_to: float) -> str:
+    """Name, value and uncertainty, as far as two digits go of what it is known to; six where that is nan."""
     digits = 6 if np.isnan(known_to) else min(max(1 - int(np.floor(np.log10(known_to))), 0), 10)
     said = f"{corner.name} {round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
     return f"{said} ± {corner.uncertainty:.{digits}f}" if 0.5 * 10**-digits < corner.uncertainty else said

@@ -355,7 +355,10 @@ OF_JUDGES = (
 )
 
 
-FAULTS = {fault.name: fault for fault in (*mechanics.FAULTS, *one_sided.FAULTS, *transport.FAULTS, *schemes.FAULTS, *OF_JUDGES)}
+FAULTS = {
+    fault.name: fault
+    for fault in (*mechanics.FAULTS, *one_sided.FAULTS, *transport.FAULTS, *schemes.FAULTS, *OF_JUDGES)
+}
 
 
 def find_faults(names: Sequence[str] | None) -> list[Fault]:

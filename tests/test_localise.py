@@ -1,0 +1,120 @@
+"""Where codes part: a fault in either code is said to be of transport or of mechanics, which it is."""
+
+from contextlib import ExitStack
+from math import inf
+from pathlib import Path
+
+import h5py
+import pytest
+
+from actin_xcheck.runs.method import METHODS, with_lent_balance
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.compare import (
+    FILE_NAME,
+    Comparison,
+    Judged,
+    compare,
+    jobs_of,
+    localised,
+    read_comparison,
+)
+from actin_xcheck.studies.compare_page import write_comparison_page
+from actin_xcheck.studies.faults import FAULTS
+from actin_xcheck.studies.faults.fault import replaced
+from actin_xcheck.studies.stored import Ran
+from actin_xcheck.studies.study import Report, carry_out_here
+from actin_xcheck.verdicts.judge import KnownTo
+
+SCENE = "smooth-fronts"
+PAPER, SECOND = ("fem-p1-paper", "fv-paper"), ("fem-p1-imex2", "fv")
+LENT = {"fv-paper": "fv-coupled", "fv": "fv-order2"}
+
+
+def compared(folder: Path, methods: tuple[str, ...], *faults: str) -> tuple[Report, Comparison]:
+    """What a comparison says of a scene of which no theory says anything, with faults."""
+    scene = load_scene(SCENE)
+    jobs = jobs_of([scene], [METHODS[name] for name in methods], 3, scene.time.end / 16)
+    reports = []
+
+    def study():
+        reports.append((yield from compare(jobs)))
+        return reports[0]
+
+    with ExitStack() as stack:
+        for fault in faults:
+            stack.enter_context(replaced(FAULTS[fault].target, FAULTS[fault].wrong))
+        carry_out_here("compare", study(), folder, "python -m actin_xcheck compare")
+    return reports[0], read_comparison(folder / FILE_NAME)
+
+
+@pytest.mark.parametrize(
+    ("methods", "faults", "where"),
+    [
+        (PAPER, ["fv-rim-load-dropped"], "mechanics"),
+        (PAPER, ["rim-integral-sign"], "mechanics"),  # of the elements, which lend it
+        (PAPER, ["fv-dilution-dropped"], "transport"),
+        (PAPER, ["fem-dilution-dropped"], "transport"),
+        (PAPER, ["fv-dilution-dropped", "fv-rim-load-dropped"], "transport and mechanics"),
+        (SECOND, ["fv-rim-load-dropped"], "mechanics"),
+        (SECOND, ["imex-mass-stale"], "transport"),
+    ],
+)
+def test_a_fault_is_said_to_be_where_it_is(methods, faults, where, tmp_path):
+    report, found = compared(tmp_path, methods, *faults)
+    said = f"{methods[0]} and {methods[1]} part in {where}: "
+    assert report.findings[0].startswith(f"{SCENE}: {said}")
+    first, *others = found.partings
+    assert first.methods == (methods[0], LENT[methods[1]], methods[1])
+    assert first.apart > 1
+    assert (first.transport > 1, first.mechanics > 1) == ("transport" in where, "mechanics" in where)
+    assert all(1 < other.apart <= first.apart for other in others)
+    assert set(found.runs) == {f"{SCENE}/{name}" for name in methods}  # those that were asked for
+    page = write_comparison_page(tmp_path / FILE_NAME).read_text(encoding="utf-8")
+    assert said in page
+    assert page.count("/tables/partings</span>") == len(found.partings)
+
+
+def test_nothing_is_lent_where_the_codes_agree(tmp_path):
+    report, found = compared(tmp_path, PAPER)
+    assert (found.partings, len(report.findings)) == ((), 1)
+    assert not list(tmp_path.glob("*fv-coupled*"))
+    page = write_comparison_page(tmp_path / FILE_NAME).read_text(encoding="utf-8")
+    assert "Where do they part?" not in page
+
+
+def test_what_was_asked_for_already_is_not_asked_for_again():
+    scene = load_scene(SCENE)
+    jobs = jobs_of([scene], [METHODS[name] for name in (*PAPER, "fv-coupled")], 3, None)
+    study = compare(jobs)
+    runs = next(study)
+    study.send([Ran("completed", "", 1.0)] * len(runs))
+    asked = study.send([Judged((), (), KnownTo(SCENE, 0.0, 0.0), (PAPER,))])
+    assert [task.work for task in asked] == [localised]
+    assert [[job.numerics.method.name for job in levels] for levels in asked[0].ask] == [
+        [name] * 3 for name in ("fem-p1-paper", "fv-coupled", "fv-paper")
+    ]
+    assert {job.file for levels in asked[0].ask for job in levels} == {run.ask.file for run in runs}
+
+
+def test_a_run_that_ends_early_parts_where_the_other_force_balance_does_not(tmp_path):
+    """A fault because of which the volumes' force balance is not solved."""
+    report, found = compared(tmp_path, SECOND, "fv-viscosities-swapped")
+    assert (
+        f"{SECOND[0]} and {SECOND[1]} part in mechanics: the end is not reached by all" in report.findings[0]
+    )
+    assert (found.partings[0].transport, found.partings[0].mechanics) == (0.0, inf)
+    page = write_comparison_page(tmp_path / FILE_NAME).read_text(encoding="utf-8")
+    assert "the end is not reached by all" in page
+
+
+def test_a_comparison_made_before_says_nothing_of_it(tmp_path):
+    _, found = compared(tmp_path, PAPER)
+    with h5py.File(tmp_path / FILE_NAME, "r+") as file:
+        del file["tables/partings"]
+    assert read_comparison(tmp_path / FILE_NAME).triangles == found.triangles
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_lent_force_balance_is_all_that_differs(name):
+    lent = with_lent_balance(METHODS[name])
+    assert (lent and lent.name) == LENT.get(name)
