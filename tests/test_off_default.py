@@ -5,9 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from actin_xcheck.core.choices import Closure, Delta, Rheology
 
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
