@@ -1,13 +1,21 @@
 """What tests of several files are given."""
 
+import shlex
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from playwright.sync_api import Browser, Page
 
+from actin_xcheck.cli import app
 from tests.browser import CHROMIUM, SCREEN, chromium
+
+if TYPE_CHECKING:
+    from tests.small import Carried
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +37,41 @@ def tab(browser: Browser) -> Iterator[Page]:
 
 
 @pytest.fixture(scope="session")
-def page_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Makes a small page of a kind, when it is first asked for."""
-    from tests.pages import make  # which needs what makes every kind
+def carried(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], "Carried"]:
+    """Carries the smallest plan of a study out, when it is first asked for."""
+    from tests.small import carried_out
 
-    return cache(lambda kind: make(kind, tmp_path_factory.mktemp(kind)))
+    return cache(lambda name: carried_out(name, tmp_path_factory.mktemp(name)))
+
+
+@pytest.fixture(scope="session")
+def page_of(
+    tmp_path_factory: pytest.TempPathFactory, carried: Callable[[str], "Carried"]
+) -> Callable[[str], Path]:
+    """Makes a small page of a kind, when it is first asked for."""
+    from tests.pages import KINDS, make  # which needs what makes every kind
+
+    def made(kind: str) -> Path:
+        if kind in KINDS:
+            return make(kind, tmp_path_factory.mktemp(kind))
+        return carried(kind).folder / "index.html"
+
+    return cache(made)
+
+
+@pytest.fixture
+def command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Does a command in this process, as `tests.test_cli.cli` in one of its own."""
+
+    def call(line: str, *arguments: object) -> subprocess.CompletedProcess:
+        monkeypatch.chdir(tmp_path)
+        words = ["actin_xcheck", *shlex.split(line), *map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as end:
+            app.main()
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(words, end.value.code or 0, said.out, said.err)
+
+    return call

@@ -19,9 +19,10 @@ from pathlib import Path
 
 from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.files import unfinished
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs import march
 from actin_xcheck.runs import run as runs
-from actin_xcheck.runs.fidelity import Fidelity, reduced
+from actin_xcheck.runs.fidelity import reduced
 from actin_xcheck.runs.method import HAND_OVER, METHODS, MODAL, RADIAL, SECTOR
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.processes import stop_signals
@@ -57,6 +58,13 @@ class Kind:
     def loaded(self) -> Scene:
         """The scene."""
         return parse_scene(self.scene, "kills.toml") if "\n" in self.scene else load_scene(self.scene)
+
+    @property
+    def numerics(self) -> Numerics:
+        """How it is run."""
+        method = METHODS[self.method]
+        reduction = reduced(self.loaded, method, self.fidelity, self.rtol)
+        return Numerics(method, self.refine, self.dt, self.rtol, reduction)
 
 
 def _scene(name: str, a: str, psi: float, end: float, more: str = "") -> str:
@@ -115,26 +123,14 @@ def go(kind: Kind, path: Path, stop_after: int | None = None, resume: bool = Fal
             signal.raise_signal(signal.SIGINT)
         steps += 1
 
-    scene, method = kind.loaded, METHODS[kind.method]
-    reduction = reduced(scene, method, kind.fidelity, kind.rtol)
     with stop_signals() as stop:
-        return runs.run(
-            scene,
-            Numerics(method, kind.refine, kind.dt, kind.rtol, reduction),
-            path,
-            "",
-            progress,
-            resume,
-            stop,
-        )
+        return runs.run(kind.loaded, kind.numerics, path, "", progress, resume, stop)
 
 
 def work(kind: Kind, path: Path, resume: bool) -> None:
     """Run a kind of run, with many checkpoints; in a process of its own."""
     march.REST = OFTEN
-    scene, method = kind.loaded, METHODS[kind.method]
-    reduction = reduced(scene, method, kind.fidelity, kind.rtol)
-    runs.run(scene, Numerics(method, kind.refine, kind.dt, kind.rtol, reduction), path, resume=resume)
+    runs.run(kind.loaded, kind.numerics, path, resume=resume)
 
 
 @dataclass

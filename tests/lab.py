@@ -8,8 +8,8 @@ import numpy as np
 from actin_xcheck.core.contract import Solver, State
 from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import INTERIOR_POINTS, quadrature_points, signed_areas
-from actin_xcheck.core.model import Array, Delta, Model
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.model import Array, Model
+from actin_xcheck.core.parameters import Delta, Parameters
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -97,3 +97,18 @@ def quiet(label, done, total):
 def linear_model(psi: float, p: float = 0.0, delta: Delta = Delta.NONE, **parameters: float) -> Model:
     """A model by the numbers that linear theory depends on."""
     return Model(Parameters(psi=psi, p=p, **parameters), delta=delta)
+
+
+def after(solver: Solver, time: float, steps: int = 1, state: State | None = None) -> State:
+    """The state that steps of one length lead to, from the first one or another; none fails."""
+    state = state or solver.init()
+    for _ in range(steps):
+        state, outcome = solver.step(state, time / steps)
+        assert outcome.ok, outcome
+    return state
+
+
+def numbers_at(points: Array, solver: Solver, state: State) -> Array:
+    """Area, total actin and what probes read: concentrations and positions."""
+    measured, (a, x) = solver.measure(state), solver.probes(points)(state)
+    return np.concatenate([[measured.area, measured.total_actin], a, x.ravel()])

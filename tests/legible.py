@@ -130,6 +130,10 @@ def unreadable(tab: Page) -> list[str]:
     """Return what cannot be read on the page that is open, everything that opens opened; a sentence each."""
     tab.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
     drawn(tab)
+    return [*tab.evaluate(_MEASURE), *pale(tab)]
+
+
+def pale(tab: Page) -> list[str]:
+    """The text that is least of all told from its ground, where that is too little."""
     contrast, _, where = tab.evaluate(_CONTRAST).partition(" ")
-    pale = [f"contrast {contrast}: {where}"] if float(contrast) < _LEAST_CONTRAST else []
-    return [*tab.evaluate(_MEASURE), *pale]
+    return [f"contrast {contrast}: {where}"] if float(contrast) < _LEAST_CONTRAST else []

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -29,6 +30,13 @@ class InTurn:
             if self.after is not None and number == self.after:
                 raise KeyboardInterrupt
             yield number, Lost("killed") if self.lost and task.task.ask in self.lost else work(task)
+
+
+def started(folder: Path, line: str, *more: object, **how) -> subprocess.Popen[str]:
+    """A command that has begun, in a process of its own."""
+    words = [sys.executable, "-W", "error", "-m", "actin_xcheck", *shlex.split(line), *map(str, more)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(words, cwd=folder, **pipes | how)
 
 
 @contextmanager

@@ -2,6 +2,9 @@
 
 import os
 from math import nan
+from pathlib import Path
+
+import h5py
 
 from actin_xcheck.studies.compare import FILE_NAME, RunRow
 from actin_xcheck.studies.study import Report, Table, carry_out, counted, write_report
@@ -44,3 +47,16 @@ def write_comparison(folder, claims, runs, command="python -m actin_xcheck compa
     report = Report(counted(claims, "claims hold"), "By hand.", tables, tuple(claims), links=links)
     write_report(folder / FILE_NAME, "compare", report, command)
     return folder / FILE_NAME
+
+
+def numbers(file: Path) -> dict[str, bytes | str]:
+    """All that was computed, to the bit: every dataset of a file but what it took."""
+    found = {}
+
+    def keep(name: str, node: h5py.HLObject) -> None:
+        if isinstance(node, h5py.Dataset) and not name.endswith("seconds"):
+            found[name] = repr(node[()].tolist()) if node.dtype.hasobject else node[()].tobytes()
+
+    with h5py.File(file) as stored:
+        stored.visititems(keep)
+    return found

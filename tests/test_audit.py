@@ -1,17 +1,15 @@
 """The audit's machinery: checks, limits, readings, rows, the file, the page and the command."""
 
 import math
-import subprocess
-import sys
 import tomllib
 
 import h5py
 import pytest
 
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.core.model import Closure, Model, Rheology
+from actin_xcheck.core.model import Model
 from actin_xcheck.core.observables import centroid
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.parameters import Closure, Parameters, Rheology
 from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.method import FORCE_BALANCE, load
 from actin_xcheck.runs.records import read_table
@@ -182,19 +180,3 @@ def test_krylov_carries_the_cell_by_its_stopping_rule_and_no_closure_does():
     few, many = (drift(UnprojectedKrylov(rest, mesh, n)) for n in (1, 10))
     assert drift(load(FORCE_BALANCE)(rest, mesh)) < 1e-3 * few
     assert many > 4 * few
-
-
-def test_the_command_examines_one_row(tmp_path):
-    command = [sys.executable, "-m", "actin_xcheck", "paper", "--only", "fig20a", "--out", str(tmp_path)]
-    done = subprocess.run([*command, "--quiet"], capture_output=True, text=True, check=True)
-    assert "cannot be decided" in done.stdout
-    assert (tmp_path / "index.html").exists()
-    assert [row.key for row in rows_of(tmp_path)] == ["fig20a"]
-
-
-def test_an_unknown_row_is_one_line_with_those_nearby():
-    command = [sys.executable, "-m", "actin_xcheck", "paper", "--only", "fig41"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "fig1" in done.stderr

@@ -15,35 +15,25 @@ from typer.testing import CliRunner
 
 from actin_xcheck.cli.app import app
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.runs.processes import Lost, work_alone
 from actin_xcheck.runs.provenance import forget_peak, peak_memory, reference_kernel
-from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import read_run, reading
+from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
-from actin_xcheck.studies.chart import chart, default_methods
-from actin_xcheck.studies.chart.measure import QUICK, Asked, Plan, cloud, ladder, measured, published
-from actin_xcheck.studies.chart.plots import SIGNS, Row
+from actin_xcheck.studies.chart import chart, default_methods, in_words
+from actin_xcheck.studies.chart.measure import QUICK, Asked, cloud, ladder, measured, published
+from actin_xcheck.studies.chart.plots import SIGNS, WORKS, Chart, chapter_of, row_of
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.verdicts.known import l2_error
 from tests.lab import FEM, FV, scene_of
-from tests.studies import carry, here
+from tests.small import CHARTED
+from tests.studies import carry
 
 IMEX = "fem-p2-imex3"
 P1_IMEX = "fem-p1-imex2"
 A, AREA, PROBES = Quantity.CONCENTRATION, Quantity.AREA, Quantity.PROBES
-
-TINY = Plan(
-    8.0,
-    ((P1_IMEX, 1, 1e-3), (P1_IMEX, 2, 1e-4)),
-    refines=((2, 3), (1, 2)),
-    steps_beside=(1.0,),
-    tolerances_beside=(1.0,),
-    published=False,
-)
 
 
 def sample_of(scene, point, folder=None):
@@ -223,25 +213,20 @@ def test_the_references_own_error_is_part_of_the_change_from_the_coarser_one():
 
 
 @pytest.fixture(scope="module")
-def charted(tmp_path_factory):
-    """Two methods on two meshes each, against the exact solution: the report, and its folder."""
-    folder = tmp_path_factory.mktemp("chart")
-    methods = [METHODS[FEM], METHODS[IMEX]]
-    return carry(folder, chart(load_scene("growing-disk"), methods, TINY), name="chart"), folder
+def charted(carried):
+    """Two methods on two meshes each, against the exact solution."""
+    return carried("chart")
 
 
 def rows_of(report, method=None):
     return [row for row in report.tables["points"].rows if method in (None, row.method)]
 
 
-def held(report):
-    return {row.quantity: row for row in report.tables["held"].rows}
-
-
 def test_every_point_says_what_it_cost(charted):
-    rows = rows_of(charted[0])
+    rows, page = rows_of(charted.report), (charted.folder / "index.html").read_text(encoding="utf-8")
     assert len(rows) == 4
     for row in rows:
+        assert page.count(f"{row.method}, {row.numerics}") >= 12  # three errors against four kinds of work
         assert row.ending == "completed"
         assert len(row.sample.wall) == len(row.sample.cpu) == 3
         assert 0 < row.wall_least <= row.wall <= row.wall_most
@@ -256,17 +241,17 @@ def test_every_point_says_what_it_cost(charted):
 
 
 def test_errors_fall_as_the_methods_declare(charted):
-    coarse, fine = (row.error_a for row in rows_of(charted[0], FEM))
+    coarse, fine = (row.error_a for row in rows_of(charted.report, FEM))
     assert 2.5 < coarse / fine < 6
-    coarse, fine = (row.error_a for row in rows_of(charted[0], IMEX))
+    coarse, fine = (row.error_a for row in rows_of(charted.report, IMEX))
     assert coarse / fine > 6
-    known = held(charted[0])
+    known = {row.quantity: row for row in charted.report.tables["held"].rows}
     assert known[A].source == known[PROBES].source == "the exact solution"
     assert known[AREA].source == f"{P1_IMEX}, refine 2, rtol 0.0001"
 
 
 def test_the_advice_is_read_off_the_chart(charted):
-    report, _ = charted
+    report = charted.report
     (sheet,) = report.chapters[0].exhibits
     rows = {(row.method, row.numerics): row for row in rows_of(report)}
     for error, method, numerics, *_ in sheet.rows[1:]:
@@ -280,28 +265,9 @@ def test_the_advice_is_read_off_the_chart(charted):
     assert said in report.findings[0]
 
 
-def test_the_file_gives_the_chart_back(charted):
-    report, folder = charted
-    with reading(folder / "chart.h5", "chart") as file:
-        again = read_table(file["tables/points"], Row)
-    for one, other in zip(rows_of(report), again, strict=True):
-        assert (one.error_a, one.command, one.cpu) == (other.error_a, other.command, other.cpu)
-        assert np.array_equal(one.sample.answer.cloud_a, other.sample.answer.cloud_a)
-
-
-def test_the_page_is_made_of_the_file_alone(charted):
-    report, folder = charted
-    page = write_page(folder / "chart.h5").read_text(encoding="utf-8")
-    assert report.findings[0] in page
-    for row in rows_of(report):
-        assert row.command in page
-        assert page.count(f"{row.method}, {row.numerics}") >= 12  # three errors against four kinds of work
-    assert "What the scene needs" in page
-
-
 def test_the_commands_make_the_runs_again(charted, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for row in (rows_of(charted[0], FEM)[0], rows_of(charted[0], IMEX)[0]):
+    for row in (rows_of(charted.report, FEM)[0], rows_of(charted.report, IMEX)[0]):
         words = shlex.split(row.command)
         assert words[:3] == ["python", "-m", "actin_xcheck"]
         assert CliRunner().invoke(app, [*words[3:], "--quiet"]).exit_code == 0
@@ -310,63 +276,40 @@ def test_the_commands_make_the_runs_again(charted, tmp_path, monkeypatch):
         assert len(again.series["time"]) == row.steps + 1
 
 
-def test_a_chart_goes_on_where_it_was_and_times_nothing_twice(tmp_path):
-    timed, allowed = [], [1]
-
-    def one_at_a_time(work, asked):
-        if len(timed) == allowed[0]:
-            raise KeyboardInterrupt
-        timed.append(str(asked.task.ask))
-        return here(work, asked)
-
-    def study():
-        return chart(load_scene("static-decay"), [METHODS[FEM], METHODS[P1_IMEX]], TINY)
-
-    with pytest.raises(KeyboardInterrupt):
-        carry(tmp_path, study(), name="chart", alone=one_at_a_time)
-    allowed[0] = 9
-    first = carry(tmp_path, study(), name="chart", alone=one_at_a_time)
-    assert len(timed) == len(set(timed)) == len(rows_of(first)) == 4
-    again = carry(tmp_path, study(), name="chart", alone=one_at_a_time)
-    assert [row.wall for row in rows_of(again)] == [row.wall for row in rows_of(first)]
-    assert len(timed) == 4
-
-
 def test_a_ladder_is_cut_where_a_method_has_had_its_seconds(tmp_path):
-    cut = chart(load_scene("static-decay"), [METHODS[FEM]], replace(TINY, budget=0.0))
+    cut = chart(load_scene("static-decay"), [METHODS[FEM]], replace(CHARTED, budget=0.0))
     report = carry(tmp_path, cut, name="chart")
     assert len(rows_of(report)) == 1
     assert f"so many seconds: {FEM} (refine 3, " in report.tables["points"].note
 
 
-def of_points(scene, points, folder, reference=TINY.reference):
-    """A chart of one method at points of no ladder."""
-    (method,) = {point.method for point in points}
-    plan = replace(TINY, reference=reference, budget=np.inf)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("actin_xcheck.studies.chart.ladder", lambda *asked: list(points))
-        return carry(folder, chart(scene, [method], plan), name="chart")
-
-
-def lines_of(report, chapter="kernels", quantity=A):
-    (plot,) = (
-        one for each in report.chapters if each.key == chapter for one in each.exhibits if one.key == quantity
+def of_points(scene, points, reference=CHARTED.reference):
+    """A chart of points of no ladder."""
+    coarse, fine = (
+        sample_of(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)).answer
+        for name, refine, rtol in reference
     )
+    truth = truth_of(scene, coarse, fine, "the finer one")
+    return Chart(truth.known, [row_of(scene, truth, one, sample_of(scene, one)) for one in points])
+
+
+def lines_of(chart, quantity=A):
+    (plot,) = (one for one in chapter_of(chart, WORKS[0]).exhibits if one.key == quantity)
     return plot.lines
 
 
 @pytest.mark.slow
-def test_a_run_that_fails_stands_on_the_rail(tmp_path):
+def test_a_run_that_fails_stands_on_the_rail():
     text = load_scene("fig18-nonuniform-contraction").text.replace("1e-3*cos", "0.1*cos")
     text = re.sub(r"(?m)^(end|outputs) = .*|(?s:^\[expect.*)", "", text).replace(
         "[time]", "[time]\nend = 0.02"
     )
     points = [Numerics(METHODS[FEM], 2, dt) for dt in (0.005, 0.001)]
-    report = of_points(parse_scene(text, "steep.toml"), points, tmp_path)
-    failed = [row for row in rows_of(report) if row.standing is Standing.FAILED]
+    found = of_points(parse_scene(text, "steep.toml"), points)
+    failed = [row for row in found.rows if row.standing is Standing.FAILED]
     assert [(row.dt, row.ending) for row in failed] == [(0.005, "tangled")]
     assert np.isnan(failed[0].error_a)
-    (rail,) = (line for line in lines_of(report) if line.rail)
+    (rail,) = (line for line in lines_of(found) if line.rail)
     assert rail.label == "failed: tangled"
     assert "failed: tangled: triangle" in rail.said[0]
     assert rail.shape == SIGNS[Ending.TANGLED]
@@ -378,36 +321,34 @@ def test_all_endings_have_a_sign_of_their_own():
 
 
 @pytest.mark.slow
-def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that(tmp_path):
+def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that():
     scene, reference = load_scene("fig14-four-fronts"), ((IMEX, 1, 1e-3), (IMEX, 2, 1e-4))
     end = scene.time.end
-    wrong = of_points(scene, [Numerics(METHODS[FEM], 2, end)], tmp_path, reference)
-    (row,) = rows_of(wrong)
+    wrong = of_points(scene, [Numerics(METHODS[FEM], 2, end)], reference)
+    (row,) = wrong.rows
     assert row.ending == "completed"
     assert row.error_a > 0.05
     assert row.standing is Standing.SILENT
-    (line,) = (line for line in lines_of(wrong, quantity=AREA) if line.said)
+    (line,) = (line for line in lines_of(wrong, AREA) if line.said)
     assert line.red
     assert line.shape == "circle-open"
-    assert wrong.findings == ("No run comes within an error of 1e-2.",)
-    (tmp_path / "same").mkdir()
-    same = of_points(scene, [Numerics(METHODS[IMEX], 2, end, 2e-4)], tmp_path / "same", reference)
-    (row,) = rows_of(same)  # nearly the reference itself
-    assert 0 < row.error_a <= held(same)[A].known_to
+    assert in_words(wrong) == "No run comes within an error of 1e-2."
+    same = of_points(scene, [Numerics(METHODS[IMEX], 2, end, 2e-4)], reference)
+    (row,) = same.rows  # nearly the reference itself
+    assert 0 < row.error_a <= same.known[A].floor
     assert row.standing is Standing.BELOW
     assert [line.shape for line in lines_of(same) if line.said] == ["circle-open"]
-    assert [line.shape for line in lines_of(same, quantity=AREA) if line.said] == ["circle"]
+    assert [line.shape for line in lines_of(same, AREA) if line.said] == ["circle"]
     assert not any(line.steps for line in lines_of(same))  # no front
 
 
 @pytest.mark.slow
-def test_without_a_reference_nothing_is_judged(tmp_path):
+def test_without_a_reference_nothing_is_judged():
     text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
     scene = parse_scene(re.sub(r"(?ms)^\[expect.*", "", text), "breaks.toml")
-    report = of_points(scene, [Numerics(METHODS[FEM], 1, scene.time.end / 20)], tmp_path)
-    assert "the reference run ends (singular_dilation" in report.findings[0]
-    assert all(np.isnan(one.known_to) for one in held(report).values())
-    assert "the reference run ends" in write_page(tmp_path / "chart.h5").read_text(encoding="utf-8")
+    found = of_points(scene, [Numerics(METHODS[FEM], 1, scene.time.end / 20)])
+    assert "the reference run ends (singular_dilation" in in_words(found)
+    assert found.quantities == []
 
 
 def test_driven_methods_can_be_measured():

@@ -24,11 +24,12 @@ RUN = "fig14-four-fronts/fem-p1-paper"
 @pytest.fixture
 def area(tab: Page, page_of: Callable[[str], Path]) -> Page:
     """A comparison's page, its first chart of the area in the middle of the window and called `chart`."""
-    assert complaints(tab, page_of("curves")) == []
+    tab.goto(page_of("curves").as_uri())
     tab.evaluate(
         "chart = [...document.querySelectorAll('.chart')].find(one => one.ariaLabel.startsWith('Area'))"
     )
     tab.evaluate("chart.scrollIntoView({ block: 'center' })")
+    tab.wait_for_function("chart.told")  # is drawn
     return tab
 
 
@@ -111,12 +112,16 @@ def test_buttons_have_names_and_files_are_saved(area: Page, tmp_path: Path) -> N
 
 
 def test_ink_follows_the_theme_and_paper_has_no_buttons(area: Page) -> None:
-    colours = "['.xtick text', '.gridlayer path'].map(one => getComputedStyle(chart.querySelector(one)))"
-    seen = set()
+    places = ("chart.querySelector('.xtick text')", "chart.querySelector('.gridlayer path')")
+    looks = [f"getComputedStyle({one}).{what}" for one, what in zip(places, ("fill", "stroke"), strict=True)]
+    looks += [
+        f"getComputedStyle({one}).backgroundColor" for one in ("document.body", "chart.closest('figure')")
+    ]
+    seen = []
     for theme in ("light", "dark"):
         area.emulate_media(color_scheme=theme)
-        seen.add(area.evaluate(f"({colours}).map((one, i) => i ? one.stroke : one.fill).join()"))
-    assert len(seen) == 2
+        seen.append([area.evaluate(one) for one in looks])
+    assert all(light != dark for light, dark in zip(*seen, strict=True)), seen
     area.emulate_media(media="print")
     area.wait_for_function("chart.layout.width <= 340")
     assert area.evaluate("getComputedStyle(chart.querySelector('.modebar')).display") == "none"

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actin_xcheck.cli.app import main
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.model import Model
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 from actin_xcheck.report.page import write_page
-from actin_xcheck.runs.records import read_table
-from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.closures import METHODS, ROUGH_SCENE, Followed, Ripple, closures, plan
+from actin_xcheck.studies.closures import METHODS, ROUGH_SCENE, closures, plan
 from actin_xcheck.studies.closures import measure as growth
 from actin_xcheck.studies.closures.findings import (
     JUDGED,
@@ -22,11 +19,11 @@ from actin_xcheck.studies.closures.findings import (
     ladders,
 )
 from actin_xcheck.studies.closures.measure import Course, Rim, Ripples, distance, follow, measure, roughness
-from actin_xcheck.studies.study import write_report
 from actin_xcheck.theory.dispersion import advance_per_fold, contrast, half_plane_rate, ripple_exponent
 from fem.force_balance import ForceBalance
+from tests.small import RIMS
 from tests.studies import carry
-from tests.test_report import SCRIPT, Tags
+from tests.tags import Tags
 
 TABLE_2 = Parameters(0.0, 2.0)
 CURRENT, REFERENCE = Closure.CURRENT_NORMAL, Closure.REFERENCE_NORMAL
@@ -124,8 +121,8 @@ def test_a_run_that_fails_is_stored_and_drawn_as_a_gap(ends, tmp_path, monkeypat
         return rims, said if m in ends else message
 
     monkeypatch.setattr(growth, "_rims", fails)
-    asked = [replace(TINY[0], closure=closure) for closure in (CURRENT, REFERENCE)]
-    report = carry(tmp_path, closures([*asked, *TINY[3:]]), name="closures")
+    asked = [replace(RIMS[0], closure=closure) for closure in (CURRENT, REFERENCE)]
+    report = carry(tmp_path, closures([*asked, *RIMS[3:]]), name="closures")
     failed = [bool(row.message) for row in report.tables["ripples"].rows]
     assert failed == ([True] * 4 if 0 in ends else [False, True] * 2)
     assert failed == [np.isnan(row.measured) for row in report.tables["ripples"].rows]
@@ -211,28 +208,6 @@ def test_a_run_that_fails_is_lost_then_and_the_others_when_they_are_rough():
 # the report
 
 
-TINY = [
-    Ripples("fem-p1-paper", 2, CURRENT, modes=(2, 4)),
-    Ripples("fem-p1-paper", 2, CURRENT, advancing=False, modes=(2, 4)),
-    Ripples("fem-p1-paper", 2, REFERENCE, modes=(2, 4)),
-    *(
-        Course(ROUGH_SCENE, "fem-p1-paper", closure, level)
-        for closure in (CURRENT, REFERENCE)
-        for level in (0, 1)
-    ),
-]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("closures")
-
-
-@pytest.fixture(scope="module")
-def report(folder):
-    return carry(folder, closures(TINY), name="closures")
-
-
 def test_the_plan_asks_for_both_readings_and_both_ways():
     asked = plan(METHODS)
     assert len(set(asked)) == len(asked)
@@ -252,51 +227,15 @@ def test_meshes_of_a_level_have_as_many_rim_nodes(tmp_path):
     assert [Course(ROUGH_SCENE, method, REFERENCE, 3).refine for method in METHODS] == [6, 5, 4, 6]
 
 
-def test_what_was_found_stands_in_the_file(folder, report):
-    with reading(folder / "closures.h5", "report") as file:
-        ripples = read_table(file["tables/ripples"], Ripple)
-        runs = read_table(file["tables/runs"], Followed)
-    assert [(one.closure, one.advancing, one.m) for one in ripples] == [
-        (asked.closure, asked.advancing, m) for asked in TINY[:3] for m in asked.modes
-    ]
-    assert [one.measured for one in ripples[:2]] == measure(TINY[0]).measured.tolist()
+def test_the_page_says_why_and_shows_every_outline(carried):
+    whole = carried("closures")
+    page = Tags(whole.folder / "index.html")
+    assert whole.report.findings[0].startswith("The default is reference-normal because")
+    polygons = [one for one in page.attributes("polygon", "class") if one == "rim"]
+    runs = whole.report.tables["runs"].rows
+    assert len(polygons) == len(runs) == 4
     assert runs[0].rims.shape == (11, 2, 32)
-    assert [one.command for one in runs] == [one.command for one in TINY[3:]]
-
-
-def test_the_page_says_why_and_shows_every_outline(folder, report):
-    tags = Tags(write_page(folder / "closures.h5"))
-    text = " ".join(tags.text.split())
-    assert report.findings[0].startswith("The default is reference-normal because")
-    assert all(sentence in text for sentence in report.findings)
-    polygons = [one for one in tags.attributes("polygon", "class") if one == "rim"]
-    assert len(polygons) == 4
-    for course in TINY[3:]:
-        assert course.command in tags.text
-        assert (folder / course.file).exists()
-
-
-def test_words_from_files_are_escaped(report, tmp_path):
-    (runs,) = (
-        replace(one, rows=[replace(row, message=SCRIPT) for row in one.rows])
-        for one in [report.tables["runs"]]
-    )
-    hurt = replace(report, title=SCRIPT, findings=(SCRIPT,), tables={"runs": runs})
-    write_report(tmp_path / "closures.h5", "closures", hurt, SCRIPT)
-    tags = Tags(write_page(tmp_path / "closures.h5"))
-    assert not tags.foreign()
-    assert SCRIPT in tags.text
-
-
-@pytest.mark.parametrize(
-    ("method", "message"), [("fem", "not a method"), ("fv-driven", "moves its rim as another")]
-)
-def test_mistakes_are_one_line_and_make_no_folder(method, message, tmp_path, capsys, monkeypatch):
-    folder = tmp_path / "none"
-    monkeypatch.setattr("sys.argv", ["actin_xcheck", "closures", "--method", method, "--out", str(folder)])
-    with pytest.raises(SystemExit):
-        main()
-    said = capsys.readouterr().err
-    assert message in said
-    assert said.count("\n") == 1
-    assert not folder.exists()
+    ripples = whole.report.tables["ripples"].rows
+    assert [(one.closure, one.advancing, one.m) for one in ripples] == [
+        (asked.closure, asked.advancing, m) for asked in RIMS[:3] for m in asked.modes
+    ]

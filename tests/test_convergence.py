@@ -8,24 +8,23 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli import studies as commands
-from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
-from actin_xcheck.runs.records import read_record, read_table, write_record
+from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
-from actin_xcheck.studies import stored
-from actin_xcheck.studies.converge import Error, Order, claim_of, converge
+from actin_xcheck.studies.converge import claim_of, converge
 from actin_xcheck.studies.converge.plan import Level, Refined, Truth, final, refinements_of
 from actin_xcheck.verdicts import orders
 from actin_xcheck.verdicts.known import Quantity, error_of
 from actin_xcheck.verdicts.orders import Verdict, local_orders
 from tests.faults import FAULTS
 from tests.lab import FEM, FV, scene_of
+from tests.small import IN_SPACE, coarse
 from tests.studies import carry
 
 H = 2.0 ** -np.arange(1, 6)
@@ -160,57 +159,32 @@ def test_a_scene_ends_with_its_last_reference():
 # the machinery
 
 
-COARSE = (Level(2, 4), Level(3, 16), Level(4, 64))
-IN_TIME = tuple(Level(2, steps) for steps in (10, 20, 40, 80))
-
-
-def coarse(name, *methods):
-    levels = {Refined.H: COARSE, Refined.DT: IN_TIME}
-    return [replace(one, levels=levels[one.refined]) for one in planned(name, *methods)]
-
-
 @pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    """A report on three coarse levels by both codes."""
-    folder = tmp_path_factory.mktemp("converge")
-    return folder, carry(folder, converge(coarse("growing-disk", FEM, FV)), name="converge")
+def whole(carried):
+    """Three coarse levels by both codes."""
+    return carried("converge")
 
 
-def test_both_codes_show_their_orders_on_coarse_levels(report):
-    _, found = report
+def test_both_codes_show_their_orders_on_coarse_levels(whole):
+    found = whole.report
     assert [order.verdict for order in found.tables["orders"].rows] == [Verdict.PASS] * 4
     assert found.title == "4 of 4 claimed orders hold"
     assert found.verdicts == {"PASS": 4}
 
 
-def test_the_file_gives_back_what_was_found_and_links_its_runs(report):
-    folder, found = report
-    with reading(folder / "converge.h5", "report") as file:
-        assert read_table(file["tables/orders"], Order) == found.tables["orders"].rows
-        errors = read_table(file["tables/errors"], Error)
-        assert str(errors) == str(found.tables["errors"].rows)  # nan is not equal to itself
-        for error in errors:
-            assert (folder / error.file).exists()
+def test_runs_are_linked_and_charts_have_both_codes(whole):
+    with reading(whole.file, "report") as file:
+        for error in whole.report.tables["errors"].rows:
             name = error.file.rpartition("/")[2]
             assert file["runs"].get(name, getlink=True).filename == error.file
-
-
-def test_the_page_holds_every_order_and_error(report):
-    folder, found = report
-    page = write_page(folder / "converge.h5").read_text(encoding="utf-8")
-    assert "4 of 4" in page
-    for order in found.tables["orders"].rows:
-        assert order.command in page
-        assert f'<td class="number">{order.slope:.5g}</td>' in page
-    for error in found.tables["errors"].rows:
-        assert f"{error.error:.5g}" in page
-        assert f'<a href="{error.file}">' in page
-    assert page.count('<div class="chart"') == 2  # in h and in dt, both codes together
+    page = (whole.folder / "index.html").read_text(encoding="utf-8")
+    assert f'<a href="{error.file}">' in page
+    assert page.count('<div class="chart"') == 2  # in h and in dt
     assert "order 2" in page
 
 
-def test_an_order_is_claimed_by_its_verdict(report):
-    order = replace(report[1].tables["orders"].rows[0], declared=2.0, before=2.1, last=1.95)
+def test_an_order_is_claimed_by_its_verdict(whole):
+    order = replace(whole.report.tables["orders"].rows[0], declared=2.0, before=2.1, last=1.95)
     claim = claim_of(order)
     assert (claim.verdict, claim.value) == ("PASS", pytest.approx(0.1))
     assert claim_of(replace(order, at_least=True)).value == pytest.approx(0.05)
@@ -261,26 +235,9 @@ def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
     assert endings[0].split(":")[0] in page
 
 
-def test_a_run_whose_file_is_gone_is_made_again_and_no_other(tmp_path, monkeypatch):
-    done = []
-
-    def counted(scene, numerics, path, *more):
-        done.append(path)
-        return run(scene, numerics, path, *more)
-
-    monkeypatch.setattr(stored, "run", counted)
-    asked = coarse("static-decay", FEM)
-    converged(tmp_path, asked)
-    assert len(done) == len(COARSE) + len(IN_TIME)
-    done[0].unlink()
-    converged(tmp_path, asked)
-    assert done[len(COARSE) + len(IN_TIME) :] == done[:1]
-
-
-def test_the_scene_of_a_run_lies_where_its_command_finds_it(report):
-    folder, found = report
-    made = read_run(folder / found.tables["errors"].rows[0].file)
-    scene = load_scene(folder / "scenes" / "growing-disk.toml")
+def test_the_scene_of_a_run_lies_where_its_command_finds_it(whole):
+    made = read_run(whole.folder / whole.report.tables["errors"].rows[0].file)
+    scene = load_scene(whole.folder / "scenes" / "growing-disk.toml")
     assert made.attributes["scene"] == scene.text
     assert f"run {scene.origin} " in made.attributes["command"]
 
@@ -311,29 +268,9 @@ def test_a_growth_rate_that_cannot_be_fitted_is_no_number(tmp_path):
     assert np.isnan(error_of(scene, read_run(tmp_path / "one.vtkhdf"), Quantity.GROWTH_RATE))
 
 
-# the command
-
-
-@pytest.mark.parametrize(
-    ("scenes", "method", "message"),
-    [
-        (["no-such-scene"], FEM, "unknown scene"),
-        (["static-decay"], "fem", "not a method"),
-        (["static-decay", "copy.toml"], FEM, "more than one scene"),
-        (["smooth-fronts"], "fv-tpfa", "stall"),
-    ],
-)
-def test_mistakes_are_one_line_and_make_no_folder(scenes, method, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "copy.toml").write_text(load_scene("static-decay").text, encoding="utf-8")
-    with pytest.raises(UserError, match=message):
-        commands.converge(scenes=scenes, methods=[method], out_dir=tmp_path / "none")
-    assert not (tmp_path / "none").exists()
-
-
 def test_a_scene_that_expects_nothing_is_its_own_reference(tmp_path):
     own = scene_of("psi = 50.0\np = 0.0", a="1 + 0.1*J(0, 3.8317059702075125*r)")
-    levels = (Level(1, 1), *COARSE)
+    levels = (Level(1, 1), *IN_SPACE)
     asked = [replace(one, levels=levels) for one in refinements_of(own, [METHODS[FEM]])]
     in_space = [one for one in asked if one.refined is Refined.H]
     orders, errors = converged(tmp_path, in_space)

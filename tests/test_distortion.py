@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk, signed_areas
-from actin_xcheck.report.page import write_page
-from actin_xcheck.runs.accuracy import LEVELS
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.run import solver_for
 from actin_xcheck.scene.expression import coordinates
@@ -22,14 +19,12 @@ from actin_xcheck.scene.outline import (
 )
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.distort import distort
-from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, check, families_of
+from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, families_of
 from fem.kernels import CellRule
 from fem.space import Space
 from fv.diamond import over_relaxed_split, vertex_interpolation
 from fv.mesh import Faces
 from tests.lab import error_against, film_of
-from tests.studies import carry
 
 WORST = {
     "perturbed": lambda refine: perturbed(disk(refine, 0.8), 0.5, 0.8, seed=refine),
@@ -150,25 +145,20 @@ def test_a_ring_off_the_sides_costs_p2_its_order():
     assert errors[0.3, 3] > 50 * errors[0, 3]
 
 
-def test_the_report_charts_its_runs_and_keeps_their_meshes(tmp_path):
-    scene, methods, family = load_scene("static-decay"), [METHODS["fem-p1-imex2"]], FAMILIES["slivers"]
-    report = carry(tmp_path, distort([(scene, [family])], methods, LEVELS[1:3]), name="distort")
-    rows = report.tables["runs"].rows
+def test_the_report_charts_its_runs_and_keeps_their_meshes(carried):
+    whole, family = carried("distort"), FAMILIES["slivers"]
+    rows = whole.report.tables["runs"].rows
     assert len(rows) == 2 * len(family.severities)
     assert {row.ending for row in rows} == {"completed"}
     assert max(row.residual for row in rows) < 1e-13
     assert all(row.a_error > 0 for row in rows)
-    assert "all methods hold" in report.findings[0]
-    page = write_page(tmp_path / "distort.h5").read_text()
-    assert report.findings[0].split(":")[0] in page
-    assert "/exhibits/static-decay--slivers/a-error" in page
-    case = cases_of(scene, methods[0], family, 1000.0)[0]
-    mesh = read_mesh(tmp_path / case.mesh_file)
+    assert "all methods hold" in whole.report.findings[0]
+    scene = load_scene("static-decay")
+    case = cases_of(scene, METHODS["fem-p1-imex2"], family, 1000.0)[0]
+    mesh = read_mesh(whole.folder / case.mesh_file)
     assert np.array_equal(mesh.xi, case.mesh(scene.parameters.l0).xi)
 
 
-def test_what_cannot_be_distorted_is_refused():
-    with pytest.raises(UserError, match="follows another run's nodes"):
-        check(load_scene("smooth-fronts"), [METHODS["fv-driven"]])
+def test_a_ring_is_missed_where_there_is_one():
     assert "off-ring" not in [family.key for family in families_of(load_scene("smooth-fronts"))]
     assert "off-ring" in [family.key for family in families_of(load_scene("fitted-ring"))]

@@ -24,6 +24,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import shipped_scenes
 from fv import mesh as fv_mesh
 from tests.processes import posix
+from tests.studies import numbers
 from tests.test_report import ANOTHER_STYLE
 
 LONG = "x" * 120
@@ -60,6 +61,8 @@ ENVIRONMENTS = {
     "HDF5 for others": {"HDF5_DRIVER": "mpio", "HDF5_USE_FILE_LOCKING": "TRUE"},
 }
 
+ALL = {name: value for one in ENVIRONMENTS.values() for name, value in one.items()}
+
 SHADOWS = ("fem", "fv", "fipy", "numpy", "h5py", "typing", "queue", "random", "selectors", "tempfile")
 
 
@@ -85,19 +88,6 @@ def say(place: Path, around: dict[str, str], *words: object, **more) -> subproce
     )
 
 
-def numbers(file: Path) -> dict[str, bytes | str]:
-    """All that was computed, to the bit: every dataset of a file but what it took."""
-    found = {}
-
-    def keep(name: str, node: h5py.HLObject) -> None:
-        if isinstance(node, h5py.Dataset) and not name.endswith("seconds"):
-            found[name] = repr(node[()].tolist()) if node.dtype.hasobject else node[()].tobytes()
-
-    with h5py.File(file) as stored:
-        stored.visititems(keep)
-    return found
-
-
 def without_stderr() -> None:
     """In a process about to start: its standard error is closed, not just thrown away."""
     os.close(2)
@@ -105,9 +95,8 @@ def without_stderr() -> None:
 
 @posix
 def test_everything_at_once_changes_no_bit_of_a_run_and_says_one_object(place: Path, tmp_path: Path) -> None:
-    around = {name: value for one in ENVIRONMENTS.values() for name, value in one.items()}
     run = ("run", "static-decay", "--method", "fv-coupled", "--refine", 2, "--dt", 0.1, "--out", "a.vtkhdf")
-    done = say(place, around, *run, "--json", stderr=None, preexec_fn=without_stderr)
+    done = say(place, ALL, *run, "--json", stderr=None, preexec_fn=without_stderr)
     assert done.returncode == 0, done
     assert json.loads(done.stdout)["outcome"] == "completed"
     actin_xcheck.run("static-decay", "fv-coupled", refine=2, dt=0.1, out=tmp_path / "clean.vtkhdf")
@@ -143,9 +132,12 @@ def worked(place: Path, around: dict[str, str]) -> dict[str, dict[str, bytes | s
 
 @posix
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ENVIRONMENTS)
-def test_no_environment_changes_a_bit_of_any_command(name: str, place: Path, clean: dict) -> None:
-    found = worked(place, ENVIRONMENTS[name])
+@pytest.mark.parametrize(
+    "around", [ALL, *(pytest.param(one, marks=pytest.mark.nightly) for one in ENVIRONMENTS.values())]
+)
+def test_no_environment_changes_a_bit_of_any_command(around: dict, place: Path, clean: dict) -> None:
+    """All at once; one by one, which says whose the fault is, every night."""
+    found = worked(place, around)
     assert len(found) == 7
     assert found == clean
 

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import jv
 
-from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.model import Model
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 from actin_xcheck.theory.dispersion import Mode, growth_rates
 from actin_xcheck.theory.exact import DiskModes, threshold
-from tests.test_cli import cli, one_line
 
 STRONG = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
 CLOSURES = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE, Closure.IRROTATIONAL_WALL]
@@ -125,16 +124,12 @@ def test_the_moving_cell_is_stable_where_the_article_has_its_bifurcation():
     assert "infinitely many" in none.reason
 
 
-def test_predict_prints_what_the_library_finds(tmp_path):
+def test_predict_prints_what_the_library_finds(command):
     arguments = ("--p", 0, "--closure", "reference-normal", "--delta", "none", "--json")
-    done = cli("predict", "modes", "--psi", 270, "--m", "0:2", "--above", -0.05, *arguments, cwd=tmp_path)
+    done = command("predict modes --psi 270 --m 0:2 --above -0.05", *arguments)
     found = json.loads(done.stdout)
     assert found["complete"] is True
     assert [mode["m"] for mode in found["modes"]] == [0, 0, 1, 1, 1, 2, 2]
     assert found["modes"][5]["im"] == pytest.approx(0.5246569, abs=1e-7)
-    done = cli("predict", "threshold", "--m", "0:0", *arguments, cwd=tmp_path)
+    done = command("predict threshold --m 0:0", *arguments)
     assert json.loads(done.stdout)["thresholds"][0]["psi"] == pytest.approx(101.0549929, rel=1e-8)
-    one_line(
-        cli("predict", "modes", "--psi", 270, "--above", -1, *arguments, cwd=tmp_path), "--above", "-1/mu1"
-    )
-    one_line(cli("predict", "modes", "--psi", 1, "--m", "8:0", *arguments, cwd=tmp_path), "--m", "8:0")

@@ -8,20 +8,17 @@ from inspect import getattr_static
 import numpy as np
 import pytest
 
-from actin_xcheck.cli.app import main, report_command
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs.executor import executor, in_turn
-from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies import faults as hunting
 from actin_xcheck.studies.checks import SUITE, Compared, Reduced
 from actin_xcheck.studies.faults import FAULTS as CATALOGUE
-from actin_xcheck.studies.faults import control, find_faults, hunt, missed
-from actin_xcheck.studies.faults.fault import ControlError, Fault, injected, replaced, unchanged, watched
+from actin_xcheck.studies.faults import control, hunt, missed
+from actin_xcheck.studies.faults.fault import ControlError, injected, replaced, watched
 from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
 from fv.krylov import Operator
@@ -30,6 +27,7 @@ from fv.solver import FvDiamond
 from tests.claims import claim
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
+from tests.small import NOTHING, STILL
 from tests.studies import carry
 
 STEPS = {"growing-disk": 50, "fig14-four-fronts": 80, "mode-11-wall": 50}
@@ -76,10 +74,8 @@ def test_a_fault_turns_a_verdict_red(fault, name, method, tmp_path, monkeypatch)
 
 # the registry of faults, and the hunt for them
 
-STILL = Compared("static-decay", (FEM, FV), 2, 10)
 NARROW = Reduced("smooth-fronts", FEM, Fidelity.SECTOR, 2, 10)
 MODES = Reduced("mode-1-cell", "fem-p4-imex4", Fidelity.MODAL, 1, 20, 1e-4)
-NOTHING = Fault("nothing", "Nothing is wrong.", "fv", "fv.krylov:solve", unchanged)
 
 
 @pytest.fixture
@@ -158,6 +154,10 @@ def test_a_fault_is_caught_by_the_claim_that_is_there_for_it(name, check, words,
 
 def test_no_fault_is_not_caught(hunted):
     report, missed = hunted(NOTHING, STILL)
+    assert report.title == "0 of 1 deliberate faults caught"
+    assert report.claims[0].sentence.startswith(
+        "nothing [fv]: is caught: Nothing is wrong.: inf > 1 (1 checks"
+    )
     assert [claim.holds for claim in report.claims] == [False, True]
     assert (missed.claim, missed.passed, missed.trouble) == (None, (STILL.name,), "")
 
@@ -237,31 +237,6 @@ def test_work_is_done_in_turn_and_here_where_that_is_asked_for():
     with in_turn(), executor(2) as processes:
         done = list(processes.results(process, ["b", "a"]))
     assert done == [(0, ("b", os.getpid())), (1, ("a", os.getpid()))]
-
-
-def test_an_unknown_fault_is_a_mistake():
-    with pytest.raises(UserError, match="--only: 'gone' is not a fault; valid: rim-integral-sign, "):
-        find_faults(["fv-leak", "gone"])
-
-
-@pytest.mark.parametrize(("fault", "code"), [(CATALOGUE["fv-leak"], 0), (NOTHING, 1)])
-def test_the_command_exits_by_what_was_caught_and_shows_it(fault, code, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(hunting, "hunt", lambda faults, suite: hunt([fault], [STILL]))
-    monkeypatch.setattr("sys.argv", ["actin_xcheck", "faults", "--quiet", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == code
-    said = capsys.readouterr().out
-    assert f"{1 - code} of 1 deliberate faults caught" in said
-    assert (
-        "FAIL nothing [fv]: is caught: Nothing is wrong.: inf > 1 (1 checks stayed green" in said
-    ) == bool(code)
-    page = (tmp_path / "index.html").read_text(encoding="utf-8")
-    assert f"{1 - code} of 1</span> deliberate faults caught" in page
-    assert fault.sentence in page
-    (tmp_path / "index.html").unlink()
-    report_command(tmp_path)
-    assert (tmp_path / "index.html").read_text(encoding="utf-8") == page
 
 
 @pytest.mark.slow

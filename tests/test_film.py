@@ -3,6 +3,7 @@
 import json
 import re
 from base64 import b64decode
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,24 +15,22 @@ from actin_xcheck.report.film import STEPS, _Store, film_data, film_strip
 from actin_xcheck.runs.store import Run
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
-from tests.browser import complaints
-from tests.test_report import SCRIPT, TIMES, write_comparison_of_everything
+from tests.tags import SCRIPT
+from tests.test_report import TIMES, write_comparison_of_everything
 
 FILM = "document.querySelector('.player')"
 LAST = "[...document.querySelectorAll('.player')].at(-1)"
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("film")
-    write_comparison_of_everything(folder, refine=2)
-    return write_comparison_page(folder / FILE_NAME)
+def page(page_of: Callable[[str], Path]) -> Path:
+    return page_of("curves")
 
 
 @pytest.fixture
 def film(tab: Page, page: Path) -> Page:
     """The page just opened; a canvas is as large as its place a moment after it is shown."""
-    assert complaints(tab, page) == []
+    tab.goto(page.as_uri())
     sized = "one => one.width === Math.round(one.clientWidth * devicePixelRatio)"
     tab.wait_for_function(f"[...document.querySelectorAll('canvas')].every({sized})")
     return tab
@@ -213,7 +212,7 @@ def test_paper_and_a_browser_without_scripts_show_the_strip(film: Page, page: Pa
     film.emulate_media(media="screen")
     silent = page.with_name("silent.html")
     silent.write_text(re.sub("<script.*?</script>", "", page.read_text("utf-8"), flags=re.DOTALL), "utf-8")
-    complaints(film, silent)
+    film.goto(silent.as_uri())
     assert film.evaluate(shown) == "01" * 4
 
 

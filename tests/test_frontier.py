@@ -1,5 +1,8 @@
-"""Frontiers: bisection, planes and classes."""
+"""Frontiers: bisection, planes, classes, maps; and the same by a cluster that loses a worker."""
 
+import json
+import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -7,17 +10,48 @@ import pytest
 
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.processes import Lost
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.frontier import planes as planning
-from actin_xcheck.studies.frontier.answers import BOUND, Converged, Kind, Truth, answer_of, judge, truth_of
+from actin_xcheck.studies.frontier import shares, words_of
+from actin_xcheck.studies.frontier.answers import (
+    BOUND,
+    Answer,
+    Converged,
+    Kind,
+    Truth,
+    answer_of,
+    judge,
+    truth_of,
+)
 from actin_xcheck.studies.frontier.planes import PLANES, Bisection, end_at, plane_of, point_of
 from fem.space import Space
-from tests.frontiers import FIG14, answer, searched
 from tests.lab import FEM
+from tests.processes import cluster
+from tests.small import MAPPED, PLACES, Played, mapped
+from tests.studies import carry
+from tests.tags import Tags
 
+FIG14 = load_scene("fig14-four-fronts")
 COLUMN = 22.0
 """Radius of the disk in the lattice of the search's tests."""
+
+
+def searched(classify, columns=65, rows=65, across=8, up=8):
+    search, rounds = Bisection(columns, rows, across, up), 0
+    while wanted := search.wanted():
+        search.tell({node: classify(node) for node in wanted})
+        rounds += 1
+    return search, rounds
+
+
+def answer(ending="completed", t=1.0, area=3.0, a=(1.0, 1.0)):
+    return Answer(ending, f"{ending} there", t, area, 3.0, a, (0.0, 0.0, 1.0, 0.0), 0.1)
 
 
 # bisection
@@ -211,3 +245,124 @@ def test_where_the_model_ends_completing_is_wrong_and_failing_is_right(tmp_path)
     assert truth.answer.t == pytest.approx(0.0411, rel=0.01)
     kinds = [judge(point, answer_of(point, tmp_path), truth).kind for point in points]
     assert kinds == [Kind.SILENT, Kind.ENDS]
+
+
+# maps at work
+
+
+@pytest.fixture(scope="module")
+def whole(carried):
+    """A few places by two methods."""
+    return carried("frontier")
+
+
+def points_of(report, method):
+    return {(one.column, one.row): one for one in report.tables["points"].rows if one.method == method}
+
+
+def test_first_order_is_silently_wrong_where_second_order_is_accurate(whole):
+    found = whole.report
+    first, second = (points_of(found, method.name) for method in MAPPED)
+    assert first[2, 0].kind == Kind.SILENT  # psi = 640 in 11 steps
+    assert second[2, 0].kind == Kind.ACCURATE
+    assert first[0, 0].kind == second[0, 0].kind == Kind.ACCURATE
+    assert not any(p.kind == Kind.FAILED for p in found.tables["points"].rows)
+    accurate = [sum(p.kind == Kind.ACCURATE for p in one.values()) / len(one) for one in (first, second)]
+    assert accurate[0] < accurate[1]
+    assert "never fails" in found.findings[0]
+    assert "silently wrong in" in found.findings[0]
+
+
+def test_a_point_is_made_again_by_its_command(whole):
+    folder = whole.folder
+    row = next(p for p in whole.report.tables["points"].rows if p.kind == Kind.SILENT)
+    words = shlex.split(row.command)
+    given = dict(
+        zip(words[words.index("--method") :: 2], words[words.index("--method") + 1 :: 2], strict=True)
+    )
+    scene = load_scene(folder / words[words.index("run") + 1])
+    path = folder / given["--out"]
+    run(scene, Numerics(METHODS[given["--method"]], int(given["--refine"]), float(given["--dt"])), path)
+    stored = read_run(path)
+    assert len(stored.series["time"]) == row.steps + 1
+    assert stored.series["area"][-1] == row.area
+
+
+def test_a_run_whose_process_ended_every_time_is_a_failure_and_is_tried_again(whole, tmp_path):
+    """A run is lost, and the truth of two columns: the last one and the scene's own psi."""
+    own = point_of(FIG14, MAPPED[0], {"psi": 40.0, "dt": 0.032}, 3)
+    texts = {point_of(FIG14, MAPPED[0], given).scene for given in ({}, {"psi": 640.0})}
+
+    class Losing(Played):
+        def alone(self, work, asked):
+            ask = asked.task.ask
+            lost = ask == own or (ask.scene in texts and hasattr(ask, "levels"))
+            return Lost("killed") if lost else super().alone(work, asked)
+
+    found = carry(tmp_path, mapped(MAPPED[:1]), Losing(whole.folder, whole.answers), "frontier")
+    rows = points_of(found, FEM)
+    assert (rows[0, 1].label, rows[0, 1].outcome) == ("failed: interrupted", "interrupted")
+    assert rows[0, 1].sentence == "interrupted: killed"
+    assert rows[0, 0].kind == Kind.ACCURATE  # its neighbour is what it was
+    assert {rows[2, row].kind for row in (0, 1)} == {Kind.UNKNOWN}
+    assert "converged run ends with interrupted: killed" in rows[2, 0].sentence
+    (plot,) = found.chapters[1].exhibits
+    assert "The truth is not known: the converged run ends with interrupted" in plot.note
+    assert "failed: interrupted in" in found.findings[0]
+    again = carry(tmp_path, mapped(MAPPED[:1]), whole.played(), "frontier")
+    assert {row.kind for row in again.tables["points"].rows} <= {Kind.ACCURATE, Kind.SILENT}
+
+
+def test_a_map_has_a_sentence_for_every_point_that_was_run(whole):
+    page = Tags(whole.folder / "index.html")
+    figures = [json.loads(script) for script in page.scripts if script.startswith("{")]
+    told = [sentence for one in figures for trace in one["data"] for sentence in trace.get("text", ())]
+    assert len(told) == len(whole.report.tables["points"].rows)
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_a_worker_finds_what_one_process_finds(whole, tmp_path):
+    pytest.importorskip("distributed")
+    came = []
+    with cluster(tmp_path, 2) as (address, (_, *workers)):
+
+        def count(label, done, total):
+            came.append(label)
+            if len(came) == 3:
+                workers[0].kill()  # SIGKILL, in the middle of what it does
+
+        with executor(1, address) as processes:
+            found = carry(tmp_path, mapped(), processes, "frontier", count)
+        assert workers[0].wait(10) < 0
+        assert workers[1].poll() is None
+    rows = [
+        [repr(replace(row, seconds=0.0)) for row in one.tables["points"].rows]
+        for one in (found, whole.report)
+    ]
+    assert rows[0] == rows[1]
+    assert len(rows[0]) > 10
+
+
+def test_shares_are_of_the_whole_and_words_say_how_far():
+    search, _ = searched(lambda node: "accurate" if node[0] < 1 else "silently wrong", 3, 2, 2, 1)
+    parts = shares(PLACES, search)
+    assert sum(parts.values()) == pytest.approx(1)
+    assert parts["accurate"] == pytest.approx(1 / 4)
+    wide = plane_of("psi,dt", METHODS[FEM])
+    columns, rows = len(wide.x.values), len(wide.y.values)
+    search, _ = searched(
+        lambda node: "accurate" if node[0] + node[1] < 40 else "silently wrong", columns, rows, 8, 8
+    )
+    words = words_of(FIG14, wide, search)
+    assert "nowhere (Δt ≥ 0.0001) at ψ = 10000" in words
+    dt = float(re.search(r"up to Δt = ([\d.e-]+) at ψ = 100[, ]", words)[1])
+    assert dt == pytest.approx(wide.y.values[23], rel=0.08)  # psi = 100 is column 16: half a place about 23.5
+
+
+def test_ending_with_the_model_is_right():
+    wide = plane_of("psi,dt", METHODS[FEM])
+    shape = len(wide.x.values), len(wide.y.values), 8, 8
+    search, _ = searched(lambda node: "accurate" if node[0] < 30 else "ends with the model", *shape)
+    assert words_of(FIG14, wide, search).startswith(
+        "right within 1% at every Δt at ψ = 10, 100, 318, 1000 and 10000."
+    )

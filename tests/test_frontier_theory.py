@@ -13,10 +13,9 @@ from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.frontier import limits
 from actin_xcheck.studies.frontier.limits import model_at
 from actin_xcheck.theory.dispersion import Mode, wall_eigenfield, wavenumber
-from tests.frontiers import FIG14
 from tests.lab import FEM, film_of
 
-WALL = load_scene("mode-11-wall-270")
+FIG14, WALL = load_scene("fig14-four-fronts"), load_scene("mode-11-wall-270")
 
 
 @pytest.mark.parametrize("name", [FEM, "fem-p1-imex2", "fem-p2-imex3", "fem-p4-imex4", "fv-order2"])

@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +20,7 @@ from actin_xcheck.runs import march
 from actin_xcheck.runs.store import annotate, read_run
 from actin_xcheck.scene.scene import load_scene
 from tests.kills import FRONTS, KINDS, QUICK, Kind, bits, campaign, go
-from tests.processes import posix
+from tests.processes import posix, started, wait_until
 
 pytestmark = posix
 
@@ -237,24 +236,7 @@ def test_what_is_stated_later_changes_a_run_all_at_once(tmp_path: Path, monkeypa
     assert [*tmp_path.iterdir()] == [path]
 
 
-WORDS = (
-    "run",
-    FRONTS,
-    "--method",
-    "fem-p1-paper",
-    "--refine",
-    "5",
-    "--dt",
-    "1e-3",
-    "--fidelity",
-    "full",
-    "--quiet",
-)
-
-
-def started(folder: Path, *words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-W", "error", "-m", "actin_xcheck", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+WORDS = f"run {FRONTS} --method fem-p1-paper --refine 5 --dt 1e-3 --fidelity full --quiet"
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
@@ -262,23 +244,15 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
     return process.returncode, out, error
 
 
-def wait_for(path: Path) -> None:
-    for _ in range(20_000):
-        if path.exists():
-            return
-        time.sleep(0.01)
-    raise AssertionError(f"{path} does not appear")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_stopped_command_says_how_to_go_on_and_does(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "my run.vtkhdf"
-    words = (*WORDS, "--out", path.name)
-    process = started(tmp_path, *words, "--force")
-    wait_for(unfinished(path))
+    words = f"{WORDS} --out '{path.name}'"
+    process = started(tmp_path, words, "--force")
+    wait_until(unfinished(path).exists, 200)
     process.send_signal(signal.SIGSTOP)
-    code, out, error = ended(started(tmp_path, *words, "--resume"))
+    code, out, error = ended(started(tmp_path, words, "--resume"))
     process.send_signal(signal.SIGCONT)
     assert (code, out) == (2, "")  # and the first one goes on
     assert error.count("\n") == 1
@@ -290,15 +264,15 @@ def test_a_stopped_command_says_how_to_go_on_and_does(number: signal.Signals, tm
     said, again = error.strip().split("; to go on: ")
     assert said.startswith("actin_xcheck: interrupted at t = ")
     assert 0 < read_run(unfinished(path)).series["time"][-1] < 0.1636
-    assert ended(started(tmp_path, *words))[0] == 2  # not to be lost by mistake
+    assert ended(started(tmp_path, words))[0] == 2  # not to be lost by mistake
     _, *rest = shlex.split(again)
     assert "--force" not in rest
-    code, out, error = ended(started(tmp_path, *rest[2:]))
+    code, out, error = ended(started(tmp_path, shlex.join(rest[2:])))
     assert (code, out, error) == (0, f"completed: {path.name}\n", "")
-    whole = started(tmp_path, *WORDS, "--out", "whole.vtkhdf")
+    whole = started(tmp_path, WORDS, "--out", "whole.vtkhdf")
     assert ended(whole)[0] == 0
     assert bits(path) == bits(tmp_path / "whole.vtkhdf")
-    code, out, error = ended(started(tmp_path, *rest[2:]))
+    code, out, error = ended(started(tmp_path, shlex.join(rest[2:])))
     assert (code, error) == (0, "")
     assert "finished before" in out
 
@@ -320,19 +294,19 @@ def mounted(folder: Path, options: str) -> Iterator[Path]:
 
 @pytest.mark.slow
 def test_a_disk_that_is_full_or_read_only_is_one_line(tmp_path: Path) -> None:
-    words = (*WORDS, "--out")
+    words = f"{WORDS} --out"
     with mounted(tmp_path / "small", "size=900k") as folder:
-        code, out, error = ended(started(tmp_path, *words, str(folder / "run.vtkhdf")))
+        code, out, error = ended(started(tmp_path, words, folder / "run.vtkhdf"))
         assert (code, out, error.count("\n")) == (2, "", 1)
         assert "No space left on device" in error
         part = unfinished(folder / "run.vtkhdf")
         assert [*folder.iterdir()] == [part]
         assert read_run(part).series["time"][-1] >= 0
         subprocess.run(["mount", "-o", "remount,size=9m", folder], check=True)
-        assert ended(started(tmp_path, *words, str(folder / "run.vtkhdf"), "--resume"))[0] == 0
-        assert ended(started(tmp_path, *words, "whole.vtkhdf"))[0] == 0
+        assert ended(started(tmp_path, words, folder / "run.vtkhdf", "--resume"))[0] == 0
+        assert ended(started(tmp_path, words, "whole.vtkhdf"))[0] == 0
         assert bits(folder / "run.vtkhdf") == bits(tmp_path / "whole.vtkhdf")
     with mounted(tmp_path / "fixed", "ro") as folder:
-        code, out, error = ended(started(tmp_path, *words, str(folder / "run.vtkhdf")))
+        code, out, error = ended(started(tmp_path, words, folder / "run.vtkhdf"))
         assert (code, out, error.count("\n")) == (2, "", 1)
         assert "Read-only file system" in error

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shlex
 import signal
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from actin_xcheck.runs.executor import cores, executor
 from actin_xcheck.runs.processes import ATTEMPTS
 from actin_xcheck.runs.store import read_run
 from tests.ending import killed_often, raises
-from tests.processes import wait_until
+from tests.processes import started, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -26,18 +25,25 @@ AT_ONCE = 5.0
 
 COMMANDS = {
     "compare growing-disk --refine 6": 2,
-    "converge growing-disk": 2,
     "chart fig14-four-fronts": 1,
-    "frontier": 2,
-    "faults": 2,
     "nightly --only compare*": 4,
     "sweep sweep.toml --method fem-p1-paper --refine 6": 2,
-    "paper": 2,
-    "extremes": 2,
-    "closures": 2,
-    "distort": 2,
 }
 """Commands that work in processes for a while, and how many; those of nightly have processes of their own."""
+
+ALIKE = dict.fromkeys(
+    ("converge growing-disk", "frontier", "faults", "paper", "extremes", "closures", "distort"), 2
+)
+"""Studies that are carried out as `compare` is: they are killed at night."""
+
+ENDS = [
+    *(
+        (command, number)
+        for command in COMMANDS
+        for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
+    ),
+    *(pytest.param(command, signal.SIGKILL, marks=pytest.mark.nightly) for command in ALIKE),
+]
 
 SWEEP = """
 scene = "growing-disk"
@@ -61,12 +67,11 @@ def of_session(leader: int) -> dict[int, str]:
 
 
 @contextmanager
-def started(folder: Path, command: str) -> Iterator[subprocess.Popen[str]]:
+def of_its_own(folder: Path, command: str) -> Iterator[subprocess.Popen[str]]:
     """A command in a session of its own."""
     (folder / "sweep.toml").write_text(SWEEP, encoding="utf-8")
-    words = [sys.executable, "-m", "actin_xcheck", *shlex.split(command), "--out", "out", "--quiet"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(words, cwd=folder, start_new_session=True, **quiet)
+    quiet = {"stdout": subprocess.DEVNULL, "start_new_session": True}
+    process = started(folder, command, "--out", "out", "--quiet", **quiet)
     try:
         yield process
     finally:
@@ -83,11 +88,10 @@ def at_work(process: subprocess.Popen[str]) -> list[int]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(("command", "number"), ENDS)
 def test_nothing_that_a_command_has_started_outlives_it(command, number, tmp_path):
-    with started(tmp_path, command) as process:
-        wait_until(lambda: len(at_work(process)) >= min(COMMANDS[command], 2 * cores()), 120)
+    with of_its_own(tmp_path, command) as process:
+        wait_until(lambda: len(at_work(process)) >= min((COMMANDS | ALIKE)[command], 2 * cores()), 120)
         time.sleep(1.0)
         process.send_signal(number)
         wait_until(lambda: not of_session(process.pid), AT_ONCE)
@@ -103,7 +107,7 @@ def test_nothing_that_a_command_has_started_outlives_it(command, number, tmp_pat
 
 @pytest.mark.slow
 def test_a_killed_process_of_a_comparison_is_replaced_and_its_run_made_again(tmp_path):
-    with started(tmp_path, "compare growing-disk --refine 5") as process:
+    with of_its_own(tmp_path, "compare growing-disk --refine 5") as process:
         wait_until(lambda: list(tmp_path.glob("out/*.partial.vtkhdf")), 120)
         os.kill(at_work(process)[0], signal.SIGKILL)
         _, said = process.communicate(timeout=300)

@@ -1,6 +1,7 @@
 """The linear regime against theory (its rates), itself (exact in time) and the full model (its estimate)."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,8 +9,8 @@ import pytest
 from actin_xcheck.core.contract import Problem
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.model import Model
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.theory.dispersion import active_slope, stiffness
@@ -20,6 +21,7 @@ from fem.imex import FemImex
 from fem.linearised import AngularMode, slopes
 from fem.modal import Modal
 from fem.radial import Radial, Ray
+from tests.lab import after, numbers_at
 
 MESH, RAY = disk(2, 0.8), Ray.on(0.8, 3, 10)
 POINTS = np.array([[0, 0], [0.4, 0], [0.8, 0], [1, 0], [0, 1], [0.5, 0.5], [-0.3, 0.6], [0.1, -0.9]]).T
@@ -53,18 +55,7 @@ def lopsided(model, amplitude):
     return Problem(model, a0, u0)
 
 
-def after(solver, time, steps=1, state=None):
-    state = state or solver.init()
-    for _ in range(steps):
-        state, outcome = solver.step(state, time / steps)
-        assert outcome.ok, outcome
-    return state
-
-
-def numbers(solver, state):
-    """Area, total actin and what probes read: concentrations and positions."""
-    measured, (a, x) = solver.measure(state), solver.probes(POINTS)(state)
-    return np.concatenate([[measured.area, measured.total_actin], a, x.ravel()])
+numbers = partial(numbers_at, POINTS)
 
 
 def whole_cell(problem):
@@ -220,11 +211,7 @@ def test_axisymmetric_modes_are_those_of_the_ray(rheology):
     ends = []
     for amplitude in (1e-4, -1e-4):
         ray = Radial(problem(amplitude), MESH, 3, 10, 4)
-        state = ray.init()
-        for _ in range(60):
-            state, outcome = ray.step(state, 0.2 / 60)
-            assert outcome.ok
-        ends.append(np.concatenate([part.ravel() for part in ray.probes(POINTS)(state)]))
+        ends.append(np.concatenate([part.ravel() for part in ray.probes(POINTS)(after(ray, 0.2, 60))]))
     modal = Modal(problem(1e-4), MESH, 2, 3, 10)
     a, x = modal.probes(POINTS)(after(modal, 0.2))
     linear = np.concatenate([a - 1, (x - POINTS.T).ravel()])

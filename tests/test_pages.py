@@ -17,21 +17,22 @@ from actin_xcheck.report.page import environment
 from actin_xcheck.studies.frontier.answers import Kind
 from tests.browser import complaints
 from tests.colours import SEEN, lab, linear
-from tests.legible import unreadable
+from tests.legible import pale, unreadable
 from tests.picture import PICTURE, WIDTH, take
 
-QUICK = ("compare", "curves", "closures", "faults", "night", "dashboard", "paper", "predict")
+QUICK = ("compare", "curves", "closures", "faults", "night", "dashboard", "paper", "predict", "random")
 SLOW = ("chart", "frontier", "converge", "distort", "extremes")
 
 
 @pytest.mark.parametrize("kind", [*QUICK, *(pytest.param(one, marks=pytest.mark.slow) for one in SLOW)])
 def test_everything_on_a_page_can_be_read(tab: Page, page_of: Callable[[str], Path], kind: str) -> None:
-    for theme in ("light", "dark"):
+    for width, theme in ((1280, "light"), (390, "dark")):
         tab.emulate_media(color_scheme=theme)
-        for width in (1280, 390):
-            tab.set_viewport_size({"width": width, "height": 900})
-            assert complaints(tab, page_of(kind)) == []
-            assert unreadable(tab) == []
+        tab.set_viewport_size({"width": width, "height": 900})
+        assert complaints(tab, page_of(kind)) == []
+        assert unreadable(tab) == []
+        tab.emulate_media(color_scheme="dark" if theme == "light" else "light")
+        assert pale(tab) == []
 
 
 def test_the_readmes_picture_is_a_report_in_its_colours(

@@ -1,6 +1,7 @@
 """The ray against the whole cell, exact solutions and theory: spectral in R, of the pair's order in dt."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,14 +11,14 @@ from scipy.special import jv
 from actin_xcheck.core.contract import Motion, Problem
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.core.model import Closure, Delta, Model, Rheology
-from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.core.model import Model
+from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 from actin_xcheck.theory.dispersion import wavenumber
 from actin_xcheck.theory.eigenfields import eigenfield
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.radial import Radial, Ray
-from tests.lab import film_of, local_orders
+from tests.lab import after, film_of, local_orders, numbers_at
 
 MESH = disk(3, 0.8)
 POINTS = np.array([[0, 0], [0.4, 0], [0, 0.8], [0.5, -0.75], [-0.6, 0.8]]).T
@@ -38,18 +39,7 @@ def ring(model, height=1e-3, **more):
     return Problem(model, bump(height), np.zeros_like, **more)
 
 
-def after(solver, time, steps, state=None):
-    state = state or solver.init()
-    for _ in range(steps):
-        state, outcome = solver.step(state, time / steps)
-        assert outcome.ok, outcome
-    return state
-
-
-def numbers(solver, state):
-    """Area, total actin and what probes read: concentrations and positions."""
-    measured, (a, x) = solver.measure(state), solver.probes(POINTS)(state)
-    return np.concatenate([[measured.area, measured.total_actin], a, x.ravel()])
+numbers = partial(numbers_at, POINTS)
 
 
 def whole_cell(problem, refine):

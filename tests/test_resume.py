@@ -11,8 +11,8 @@ import pytest
 from actin_xcheck.core.contract import State
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.files import unfinished
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs import march
-from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.march import Keeper, March, Moment
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -30,22 +30,14 @@ def label(kind: Kind) -> str:
 @pytest.mark.parametrize("kind", QUICK, ids=label)
 def test_a_step_from_what_is_remembered_gives_the_same_bits(kind: Kind) -> None:
     """At every state of a run; arrays are contiguous, so that a file can hold them as they are."""
-    scene, method = kind.loaded, METHODS[kind.method]
-    solver = bind(
-        scene,
-        Numerics(method, kind.refine, kind.dt, reduction=reduced(scene, method, kind.fidelity, kind.rtol)),
-    )
+    scene, numerics = kind.loaded, replace(kind.numerics, rtol=None)
+    solver = bind(scene, numerics)
     state = solver.init()
     step = kind.dt if kind.rtol is None else scene.output_times[0] / 20
     for _ in range(4):
         memento = solver.memento(state)
         assert all(array.flags.forc for array in memento.values())
-        other = bind(
-            scene,
-            Numerics(
-                method, kind.refine, kind.dt, reduction=reduced(scene, method, kind.fidelity, kind.rtol)
-            ),
-        )
+        other = bind(scene, numerics)
         again = other.restored({name: array.copy(order="K") for name, array in memento.items()})
         new, outcome = solver.step(state, step)
         assert outcome.ok

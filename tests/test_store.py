@@ -193,13 +193,6 @@ def test_text_is_utf8_of_any_length_except_what_vtk_reads(tmp_path: Path, mesh: 
         assert (kind.encoding, kind.length) == ("ascii", len("UnstructuredGrid"))
 
 
-def test_a_failed_run_keeps_its_file(tmp_path: Path, mesh: Mesh) -> None:
-    write(tmp_path / "run.vtkhdf", mesh, Outcome(Ending.TANGLED, "triangle 3 at t = 0.3"), steps=2)
-    run = read_run(tmp_path / "run.vtkhdf")
-    assert (run.attributes["outcome"], run.attributes["message"]) == ("tangled", "triangle 3 at t = 0.3")
-    assert len(run.series["time"]) == 2
-
-
 def test_an_exception_leaves_nothing_and_the_old_file_whole(tmp_path: Path, mesh: Mesh) -> None:
     path = tmp_path / "run.vtkhdf"
 

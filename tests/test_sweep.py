@@ -16,9 +16,9 @@ import pytest
 import actin_xcheck
 from actin_xcheck.cli.output import SweepAnswer
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs import executor as executors
 from actin_xcheck.runs.executor import executor
-from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.runs.processes import ATTEMPTS, Lost
 from actin_xcheck.scene.scene import load_scene
@@ -26,9 +26,8 @@ from actin_xcheck.studies import sweep as sweeping
 from actin_xcheck.studies.sweep import LOG, Run, finished, read_table
 from actin_xcheck.studies.sweep.plan import points_of
 from tests.ending import killed, process, raises
-from tests.processes import cluster, posix, wait_until
+from tests.processes import cluster, posix, started, wait_until
 from tests.test_cli import cli, one_line
-from tests.test_tools import command  # noqa: F401  a fixture
 
 SMALL = """
 scene = "static-decay"
@@ -37,6 +36,7 @@ d = { from = 1e-3, to = 1e-1, count = 3, scale = "log" }
 psi = [0.0, 10.0]
 """
 NUMERICS = {"refine": 1, "dt": 0.25, "fidelity": "full"}
+SWEEP = "sweep sweep.toml --out out"
 OPTIONS = ("--method", "fem-p1-paper", "--refine", 1, "--dt", 0.25, "--fidelity", "full", "--quiet")
 
 
@@ -142,7 +142,7 @@ def test_a_key_is_that_of_scene_method_numerics_and_code_alone(monkeypatch) -> N
     assert one.key not in keys
 
 
-def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -> None:  # noqa: F811
+def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -> None:
     path, out = sweep_file(tmp_path, SMALL), tmp_path / "out"
     done = command("sweep", path, *OPTIONS, "--jobs", 2, "--out", out, "--json")
     assert done.returncode == 0, done.stderr
@@ -188,23 +188,11 @@ def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -
     assert np.array_equal(more["total_actin"][kept], table["total_actin"])
 
 
-def test_runs_that_fail_are_rows_and_the_others_go_on(tmp_path: Path, command) -> None:  # noqa: F811
+def test_runs_that_fail_are_rows_and_the_others_go_on(tmp_path: Path, command) -> None:
     text = 'scene = "sec54-failure"\n[over]\nparameters.psi = [1.0, 1.04e5]\ntime = [{ end = 0.01 }]\n'
-    options = (
-        "--method",
-        "fem-p1-paper",
-        "--refine",
-        1,
-        "--dt",
-        0.001,
-        "--jobs",
-        1,
-        "--out",
-        "out",
-        "--quiet",
-    )
-    words = ("sweep", sweep_file(tmp_path, text), *options)
-    done = command(*words)
+    sweep_file(tmp_path, text)
+    words = "sweep sweep.toml --method fem-p1-paper --refine 1 --dt 0.001 --jobs 1 --out out --quiet"
+    done = command(words)
     assert done.returncode == 1
     assert "2 runs, 2 of them made now: 1 completed, 1 tangled" in done.stdout
     table = read_table(tmp_path / "out")
@@ -212,9 +200,16 @@ def test_runs_that_fail_are_rows_and_the_others_go_on(tmp_path: Path, command) -
     assert "signed area" in table["message"][1]
     assert table["time"][1] < table["time"][0] == 0.01
     assert set(table["scene.time"]) == {'{"end": 0.01}'}
-    done = command(*words)
+    done = command(words)
     assert done.returncode == 1
     assert "0 of them made now" in done.stdout  # a failure is an answer too
+    done = command(words, "--force")
+    assert "2 of them made now: 1 completed, 1 tangled" in done.stdout
+    assert set(starts(tmp_path / "out").values()) == {2}
+    (tmp_path / "out" / "journal.sqlite").unlink()
+    (tmp_path / "out" / "sweep.h5").rename(tmp_path / "out" / "compare.h5")
+    one_line(command(words), "holds compare.h5 already; valid: another folder, or --force")
+    assert command(words, "--force").returncode == 1
 
 
 def test_an_exception_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
@@ -226,18 +221,6 @@ def test_an_exception_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
         assert "unperturbed" in table["message"][1]
         assert np.isnan(table["area"][1])
         assert [starts(tmp_path / "out")[key] for key in table["key"]] == [1, times]
-
-
-def test_options_are_checked(tmp_path: Path, command) -> None:  # noqa: F811
-    path = sweep_file(tmp_path, SMALL)
-    for arguments, parts in {
-        ("--jobs", 2, "--scheduler", "tcp://here:1"): ("--jobs", "--scheduler"),
-        ("--rtol", 1e-3): ("--rtol", "fem-p2-imex3"),
-        ("--method", "fem-p9"): ("fem-p9", "fv-coupled"),
-        ("--scheduler", "nonsense://here"): ("--scheduler", "nonsense"),
-    }.items():
-        one_line(command("sweep", path, "--out", "out", *OPTIONS, *arguments), *parts)
-    assert not starts(tmp_path / "out")
 
 
 @posix
@@ -285,7 +268,7 @@ def test_the_processes_of_a_killed_sweep_end_with_it(tmp_path: Path) -> None:
         "--out",
         "out",
     ]
-    sweep = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    sweep = subprocess.Popen([*words, "--out", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
     wait_until(lambda: len(starts(tmp_path / "out")) > 3, 120)
     pids = {int(line.split()[3]) for line in (tmp_path / "out" / LOG).read_text().splitlines()}
     sweep.kill()
@@ -317,11 +300,10 @@ def test_a_cluster_without_workers_is_not_waited_for(tmp_path: Path, monkeypatch
 @pytest.mark.nightly
 def test_a_sweep_on_a_cluster_loses_a_worker_and_nothing_else(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    path, out = sweep_file(tmp_path, MANY), tmp_path / "out"
+    sweep_file(tmp_path, MANY)
+    out = tmp_path / "out"
     with cluster(tmp_path, 2) as (address, (_, *workers)):
-        words = [sys.executable, "-m", "actin_xcheck", "sweep", path, *map(str, OPTIONS)]
-        sweep = subprocess.Popen([*words, "--scheduler", address, "--out", "out", "--json"], cwd=tmp_path,
-                                 stdout=subprocess.PIPE, text=True)  # fmt: skip
+        sweep = started(tmp_path, SWEEP, *OPTIONS, "--scheduler", address, "--json")
         wait_until(lambda: len(starts(out)) >= 100, 240)
         workers[0].kill()  # SIGKILL, in the middle of what it does
         said, _ = sweep.communicate(timeout=600)
@@ -340,7 +322,7 @@ def test_a_sweep_on_a_cluster_loses_a_worker_and_nothing_else(tmp_path: Path) ->
     for key in twice:
         assert [line[3] for line in lines if line[1] == key] == [lost, left]
 
-    done = cli("sweep", path, *OPTIONS, "--scheduler", address, "--out", "out", cwd=tmp_path)
+    done = cli(SWEEP, *OPTIONS, "--scheduler", address, cwd=tmp_path)
     assert "0 of them made now" in done.stdout  # it asks nobody: the cluster is gone
     assert starts(out) == begun
 
@@ -348,17 +330,15 @@ def test_a_sweep_on_a_cluster_loses_a_worker_and_nothing_else(tmp_path: Path) ->
 @pytest.mark.slow
 def test_a_scheduler_without_workers_and_one_that_goes_are_one_line(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    path = sweep_file(tmp_path, SMALL.replace("count = 3", "count = 50"))
+    sweep_file(tmp_path, SMALL.replace("count = 3", "count = 50"))
     with cluster(tmp_path, 0) as (address, _):
-        done = cli("sweep", path, *OPTIONS, "--scheduler", address, "--out", "out", cwd=tmp_path)
+        done = cli(SWEEP, *OPTIONS, "--scheduler", address, cwd=tmp_path)
         one_line(done, "--scheduler", address, "has no workers")
-    done = cli("sweep", path, *OPTIONS, "--scheduler", address, "--out", "out", cwd=tmp_path)
+    done = cli(SWEEP, *OPTIONS, "--scheduler", address, cwd=tmp_path)
     one_line(done, "--scheduler", address, "no scheduler answers")
     (tmp_path / "again").mkdir()
     with cluster(tmp_path / "again", 1) as (address, (scheduler, _)):
-        words = [sys.executable, "-m", "actin_xcheck", "sweep", path, *map(str, OPTIONS)]
-        sweep = subprocess.Popen([*words, "--scheduler", address, "--out", "out"], cwd=tmp_path,
-                                 stderr=subprocess.PIPE, text=True)  # fmt: skip
+        sweep = started(tmp_path, SWEEP, *OPTIONS, "--scheduler", address)
         wait_until(lambda: len(starts(tmp_path / "out")) >= 5, 120)
         scheduler.kill()
         _, said = sweep.communicate(timeout=120)

@@ -20,7 +20,7 @@ from actin_xcheck.verdicts.known import known, reference_errors
 from actin_xcheck.verdicts.triangulate import Levels, triangulate
 from tests.claims import claim
 from tests.lab import FEM, FV
-from tests.test_report import Tags
+from tests.tags import Tags
 
 SCENE = """
 name = "still"

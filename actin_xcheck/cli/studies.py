@@ -11,9 +11,11 @@ import typer
 
 from actin_xcheck.cli.conduct import (
     Dt,
+    Force,
     Json,
     Methods,
     Only,
+    Quiet,
     Refine,
     Rtol,
     Scenes,
@@ -329,15 +331,16 @@ def sweep_command(
     fidelity: Annotated[
         Fidelity, typer.Option(help="How much of the model is solved; auto: what each scene needs.")
     ] = Fidelity.AUTO,
+    force: Force = False,
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scene over ranges of its keys, or many scenes, each run a file of its own, and make one table.
 
     Files are named by scene, method and version: what is there is not run again, so that an interrupted sweep
-    goes on when it is asked for again, and so does a larger one in the same folder.  A run that fails is a
-    row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for a mistake in what was
-    asked.
+    goes on when it is asked for again, and so does a larger one in the same folder; --force runs all again.
+    A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for
+    a mistake in what was asked.
     """
     from actin_xcheck.cli.conduct import saying_the_cost
     from actin_xcheck.cli.output import Progress
@@ -353,7 +356,7 @@ def sweep_command(
     make_folder(folder)
     with Progress(quiet) as progress:
         tell = saying_the_cost(progress, processes)
-        table, made = carry_out(runs, folder, processes, scheduler, tell, command())
+        table, made = carry_out(runs, folder, processes, scheduler, tell, command(), force)
     raise typer.Exit(_told(_answer(table, made), json))
 
 

@@ -13,7 +13,7 @@ from actin_xcheck.studies.audit import figures, linear, model, scheme, stability
 from actin_xcheck.studies.audit.checks import row_of
 from actin_xcheck.studies.audit.row import Judgement, Row, article
 from actin_xcheck.studies.audit.runs import Evidence
-from actin_xcheck.studies.study import Report, Study, Table, Task
+from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
 ROWS: dict[str, Row] = {key: row_of(key) for key in article()}
 """By key, in the order of the article."""
@@ -63,8 +63,8 @@ def paper(keys: Sequence[str], said: bool = False) -> Study:
     rows = [ROWS[key] for key in keys]
     families = dict.fromkeys(family for one in rows for family in one.families)
     runs = {job.file: job for family in families for job in family.jobs().values()}
-    yield [job.task for job in runs.values()]
     seconds = [SIMULATED if one.families else DERIVED for one in rows]
+    yield Batch((job.task for job in runs.values()), later=sum(seconds))
     found: list[Examined] = yield [Task(examine, *one) for one in zip(keys, seconds, strict=True)]
     entries = [one.entry for one in found]
     counts = Counter(entry.judgement for entry in entries)

@@ -246,9 +246,16 @@ class _WhenNeeded:
 
 
 def carry_out(
-    runs: Runs, folder: Path, jobs: int, scheduler: str | None, tell: Tell, command: str
+    runs: Runs,
+    folder: Path,
+    jobs: int,
+    scheduler: str | None,
+    tell: Tell,
+    command: str,
+    force: bool = False,
 ) -> tuple["SweepTable", int]:
-    """Make the runs that have no whole file yet and write the sweep's table, at an interrupt too.
+    """Make the runs that have no whole file yet, with `force` all, and write the sweep's table, at an
+    interrupt too.
 
     Scenes are checked before the first of them is run.
 
@@ -264,7 +271,10 @@ def carry_out(
     The table, and how many runs were made for it.
     """
     tasks, processes = [run.task for _, run in runs], _WhenNeeded(jobs, scheduler)
-    with at_work(folder):
+    with at_work(folder, force):
+        if force:
+            for _, run in runs:
+                (folder / run.file).unlink(missing_ok=True)
         try:
             write(folder, report_of("sweep", sweep(runs, tasks), folder, processes, tell), command)
         except BaseException:

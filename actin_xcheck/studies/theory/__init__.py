@@ -1,6 +1,7 @@
 """The atlas of the linear theory: its curves, modes, maps and tables, as chapters of a report."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -258,6 +259,7 @@ def discrete_threshold(model: Model, m: int, refine: int) -> float:
         raise ValueError(f"m = {m}: {exact.reason}")
     frequency = exact.omega
 
+    @cache
     def growth(psi: float) -> float:
         at = model.varied(psi=psi)
         return _rate(at, m, refine, 1j * frequency).real
