@@ -15,7 +15,18 @@ from actin_xcheck.runs.method import FORCE_BALANCE, load
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.audit import ROWS, Entry, paper, runs, write_audit_page
+from actin_xcheck.studies.audit import (
+    Entry,
+    Finding,
+    Judgement,
+    Row,
+    article,
+    paper,
+    rows,
+    runs,
+    table,
+    write_audit_page,
+)
 from actin_xcheck.studies.audit.checks import FAILS, HOLDS, OPEN, Check, judged
 from actin_xcheck.studies.audit.readouts import (
     area_change,
@@ -25,7 +36,6 @@ from actin_xcheck.studies.audit.readouts import (
     pattern,
     rim_excess,
 )
-from actin_xcheck.studies.audit.row import Finding, Judgement, Row, article, table
 from actin_xcheck.studies.audit.runs import FEM, Cell, Evidence, Family, Limit
 from actin_xcheck.studies.audit.scheme import UnprojectedKrylov
 from actin_xcheck.studies.stored import run_stored
@@ -112,7 +122,7 @@ def test_a_row_follows_its_numbers(cell, monkeypatch):
         ([expands, contracts], Judgement.NOT_REPRODUCED),
     ):
         monkeypatch.setitem(article()["fig16"], "checks", checks)
-        finding = ROWS["fig16"].examine(*cell)
+        finding = rows()["fig16"].examine(*cell)
         assert finding.judgement is judgement
         assert "FEM" in finding.computed
         assert "FV" in finding.computed
@@ -142,7 +152,7 @@ def rows_of(folder):
 
 
 def test_the_file_keeps_every_row_and_the_page_shows_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(ROWS, "eq3.7", Row("eq3.7", lambda: FOUND))
+    monkeypatch.setitem(rows(), "eq3.7", Row("eq3.7", lambda: FOUND))
     report = carry(tmp_path, paper(["eq3.7", "fig20a"], said=True), name="paper")
     first, second = rows_of(tmp_path)
     assert [first, second] == report.tables["rows"].rows
@@ -158,8 +168,8 @@ def test_the_file_keeps_every_row_and_the_page_shows_it(tmp_path, monkeypatch):
 
 def test_a_row_rests_on_runs_that_are_made_once(tmp_path, monkeypatch, cell):
     family = cell[0].family
-    monkeypatch.setitem(ROWS, "fig14", Row("fig14", lambda one: FOUND, lambda: (family,)))
-    monkeypatch.setitem(ROWS, "fig16", Row("fig16", lambda one, other: FOUND, lambda: (family, family)))
+    monkeypatch.setitem(rows(), "fig14", Row("fig14", lambda one: FOUND, lambda: (family,)))
+    monkeypatch.setitem(rows(), "fig16", Row("fig16", lambda one, other: FOUND, lambda: (family, family)))
     carry(tmp_path, paper(["fig14", "fig16"]), name="paper")
     files = sorted(path.relative_to(tmp_path).as_posix() for path in (tmp_path / "runs").iterdir())
     assert len(files) == len(family.levels)

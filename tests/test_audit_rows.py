@@ -7,8 +7,8 @@ import pytest
 
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Delta, Model
-from actin_xcheck.studies.audit import ROWS, figures, linear, row, stability
-from actin_xcheck.studies.audit.row import Finding, Judgement, answer, examined
+from actin_xcheck.studies import audit
+from actin_xcheck.studies.audit import Finding, Judgement, answer, examined, figures, linear, rows, stability
 from actin_xcheck.studies.audit.sample import Triangles, disk_quadrature, rounds_to
 from actin_xcheck.theory.dispersion import Mode, Version, isolated_modes, sigma_prime
 
@@ -55,24 +55,24 @@ SLOW = {"s5.3.1-translation", "s5-remark5.1", "s5-remark5.1-others"}
 @pytest.fixture(scope="module")
 def findings() -> dict[str, Finding]:
     """Every row that needs no run examined once; warnings are errors in this suite."""
-    return {key: one.examine() for key, one in ROWS.items() if not one.families and key not in SLOW}
+    return {key: one.examine() for key, one in rows().items() if not one.families and key not in SLOW}
 
 
 def test_every_equation_table_figure_and_remark_has_its_row() -> None:
     expected = [f"eq{n}" for n in EQUATIONS] + REMARKS + [f"table{n}" for n in range(1, 7)]
-    assert [key for key in expected if key not in ROWS] == []
-    assert all(any(re.match(rf"fig{n:02d}(?!\d)", key) for key in ROWS) for n in range(1, 24))
-    rest = {key for key in ROWS if key not in expected}
+    assert [key for key in expected if key not in rows()] == []
+    assert all(any(re.match(rf"fig{n:02d}(?!\d)", key) for key in rows()) for n in range(1, 24))
+    rest = {key for key in rows() if key not in expected}
     assert {key for key in rest if not re.match(r"fig\d\d|s(2|3|5|6|7|A|B)", key)} == {"eqB.2"}
-    assert all(re.fullmatch(r"[A-Za-z0-9.-]+", key) for key in ROWS)
+    assert all(re.fullmatch(r"[A-Za-z0-9.-]+", key) for key in rows())
 
 
 def test_every_row_is_said_whole_and_what_computes_belongs_to_one() -> None:
-    said = row.article()
-    assert set(row._EXAMINERS) <= set(said)
+    said = audit.article()
+    assert set(audit._EXAMINERS) <= set(said)
     assert all({"place", "statement"} <= set(one) for one in said.values())
     assert all("checks" in one or {"verdict", "computed", "reason"} <= set(one) for one in said.values())
-    assert {key for key, one in said.items() if "checks" not in one} - set(row._EXAMINERS) == UNCOMPUTED
+    assert {key for key, one in said.items() if "checks" not in one} - set(audit._EXAMINERS) == UNCOMPUTED
 
 
 def test_findings_say_what_was_computed_and_why(findings: dict[str, Finding]) -> None:
@@ -121,7 +121,7 @@ def test_numbers_that_are_quoted_elsewhere(
 
 
 def verdict(key: str) -> Judgement:
-    return ROWS[key].examine().judgement
+    return rows()[key].examine().judgement
 
 
 @pytest.mark.parametrize(
@@ -206,8 +206,8 @@ def test_a_verdict_follows_the_answer_and_a_reason_that_no_longer_fits_says_so(
     said = {"verdict": written, "computed": "{some:.1f}: {parts}.", "reason": "Because."}
     said |= {"numbers": {"sum": "parts[a]", "part {}": "parts"}, "each": {"parts": "{0} is {1:g}"}}
     got = answer(holds, corrected=corrected, some=[1.0, 2.0], parts={"a": 3, "b": 4})
-    monkeypatch.setitem(row.article(), "eq2.2", said)
-    monkeypatch.setitem(row._EXAMINERS, "eq2.2", lambda: got)
+    monkeypatch.setitem(audit.article(), "eq2.2", said)
+    monkeypatch.setitem(audit._EXAMINERS, "eq2.2", lambda: got)
     finding = examined("eq2.2")
     assert (finding.judgement, finding.computed) == (follows, "1.0, 2.0: a is 3, b is 4.")
     assert finding.numbers == {"sum": 3, "part a": 3, "part b": 4}

@@ -132,7 +132,7 @@ def paper(
     from difflib import get_close_matches
 
     from actin_xcheck.core.errors import UserError
-    from actin_xcheck.studies.audit.row import article
+    from actin_xcheck.studies.audit import article
 
     rows = article()
     for key in only or ():

@@ -1,22 +1,220 @@
-"""The audit: what the rows need is run, then every row is examined; its page, to be seen by judgement."""
+"""The audit: one row per statement of the article, examined when what it needs is run; its page, by judgement.
 
+`article.toml` has a row's place and statement, and the words of its finding, in which values stand as
+{name}.  What computes them is a function marked `@examines("eq3.6")`: it returns an `answer`.
+"""
+
+import tomllib
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cache, cached_property
+from importlib.resources import files
 from pathlib import Path
+from string import Formatter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from actin_xcheck.report.exhibits import Chapter, Exhibit
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
-from actin_xcheck.studies.audit import figures, linear, model, scheme, stability, weak  # noqa: F401
-from actin_xcheck.studies.audit.checks import row_of
-from actin_xcheck.studies.audit.row import Judgement, Row, article
-from actin_xcheck.studies.audit.runs import Evidence
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
-ROWS: dict[str, Row] = {key: row_of(key) for key in article()}
-"""By key, in the order of the article."""
+if TYPE_CHECKING:
+    from actin_xcheck.studies.audit.runs import Family
+
+
+class Judgement(StrEnum):
+    """How a statement of the article stands."""
+
+    REPRODUCED = "reproduced"
+    """Computed to the digits printed, or as stated, with an uncertainty smaller than what is judged."""
+    IN_KIND = "reproduced in kind"
+    """The picture or the words agree; there is no number to hold against."""
+    NOT_REPRODUCED = "not reproduced"
+    """Something else comes out, by more than the numerical uncertainty."""
+    MISPRINT = "misprint"
+    """Contradicts the article's own equations or data; the corrected statement is given."""
+    UNDECIDABLE = "cannot be decided"
+    """Photographs, results not shown, or conditions not stated."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What this project has to say to one row.
+
+    Attributes
+    ----------
+    judgement : the verdict.
+    computed : what was computed, numbers included, in a sentence or two.
+    reason : why that gives the verdict.
+    exhibits : curves, fields, maps and tables to be shown below.
+    numbers : computed values by name, stored beside the words.
+    """
+
+    judgement: Judgement
+    computed: str
+    reason: str
+    exhibits: tuple[Exhibit, ...] = ()
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What computing comes to: see `answer`."""
+
+    holds: bool
+    corrected: bool
+    exhibits: tuple[Exhibit, ...]
+    values: Mapping[str, Any]
+
+
+def answer(
+    holds: bool | np.bool,
+    *,
+    corrected: bool | np.bool = False,
+    exhibits: tuple[Exhibit, ...] = (),
+    **values: Any,
+) -> Answer:
+    """Return what computing says to a row.
+
+    Parameters
+    ----------
+    holds : the article's statement agrees with what was computed.
+    corrected : a corrected statement does, which makes a statement that does not hold a misprint.
+    exhibits : as in `Finding`.
+    values : what the words of the row name.
+    """
+    return Answer(bool(holds), bool(corrected), exhibits, values)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One statement of the article.
+
+    Attributes
+    ----------
+    key : what `--only` takes: "eq3.6", "table4", "fig21"; sentences by their section, "s5.4-failure".
+    examine : computes the finding in a few seconds, from the `Evidence` of each family, in their order.
+    needs : gives the simulations it needs, none where theory alone decides; to state them scenes are read.
+    """
+
+    key: str
+    examine: Callable[..., Finding]
+    needs: "Callable[[], tuple[Family, ...]]" = tuple
+
+    @cached_property
+    def families(self) -> "tuple[Family, ...]":
+        """The simulations it needs."""
+        return self.needs()
+
+    @property
+    def place(self) -> str:
+        """Where it stands, for the reader: "(3.6)", "Table 4", "Section 5.4"."""
+        return str(article()[self.key]["place"])
+
+    @property
+    def statement(self) -> str:
+        """What the article says."""
+        return str(article()[self.key]["statement"])
+
+
+@cache
+def article() -> dict[str, dict[str, Any]]:
+    """Return what `article.toml` says, by key; a row has what it does not say from the one it is `like`."""
+    said = table("article.toml")
+    return {key: {**said.get(entry.get("like", ""), {}), **entry} for key, entry in said.items()}
+
+
+@cache
+def table(name: str) -> dict[str, dict[str, Any]]:
+    """Return a TOML file of this package."""
+    return tomllib.loads((files(__package__) / name).read_text(encoding="utf-8"))
+
+
+_EXAMINERS: dict[str, Callable[..., Answer]] = {}
+
+
+def examines(*keys: str) -> Callable[[Callable[..., Answer]], Callable[..., Answer]]:
+    """Mark what computes the answer to rows, of `Evidence` where they need runs, and of what they give."""
+
+    def mark(function: Callable[..., Answer]) -> Callable[..., Answer]:
+        _EXAMINERS.update(dict.fromkeys(keys, function))
+        return function
+
+    return mark
+
+
+def answered(key: str, *evidence: Any) -> Answer:
+    """Return the answer to a row; one for which nothing is computed stands as it is written."""
+    if key not in _EXAMINERS:
+        return answer(False, corrected=True)
+    given = article()[key].get("given", {})
+    got = _EXAMINERS[key](*evidence, **given)
+    return replace(got, values={**given, **got.values})
+
+
+def examined(key: str, *evidence: Any) -> Finding:
+    """Return what is found about a row: its words with what was computed, and the verdict that follows.
+
+    Where that is not the verdict for which the reason was written, the reason says so.
+    """
+    entry, got = article()[key], answered(key, *evidence)
+    written = Judgement(entry["verdict"])
+    judgement = written
+    if key in _EXAMINERS:
+        judgement = _verdict(written, got)
+    each = {
+        name: ", ".join(form.format(*pair) for pair in got.values[name].items())
+        for name, form in entry.get("each", {}).items()
+    }
+    computed, reason = (
+        _WORDS.vformat(entry[part], (), {**got.values, **each}) for part in ("computed", "reason")
+    )
+    if judgement is not written:
+        reason = f"The numbers no longer give '{written}', for which this was the reason: {reason}"
+    return Finding(judgement, computed, reason, got.exhibits, numbers(entry.get("numbers", {}), got.values))
+
+
+def _verdict(written: Judgement, got: Answer) -> Judgement:
+    if got.holds:
+        mild = Judgement.IN_KIND, Judgement.UNDECIDABLE
+        return written if written in mild else Judgement.REPRODUCED
+    return Judgement.MISPRINT if got.corrected else Judgement.NOT_REPRODUCED
+
+
+def numbers(names: Mapping[str, str], values: Mapping[str, Any]) -> dict[str, float]:
+    """Return values by the names they are stored under; {} in a name stands for the keys of a dictionary."""
+    found = {}
+    for name, path in names.items():
+        value, _ = _WORDS.get_field(path, (), values)
+        many = value if isinstance(value, Mapping) else {"": value}
+        found.update({name.format(key): float(one) for key, one in many.items()})
+    return found
+
+
+class _Words(Formatter):
+    """Lists are said one by one."""
+
+    def format_field(self, value: Any, spec: str) -> str:
+        many = isinstance(value, list) or (isinstance(value, np.ndarray) and value.ndim)
+        return ", ".join(format(one, spec) for one in value) if many else format(value, spec)
+
+
+_WORDS = _Words()
+
+
+@cache
+def rows() -> dict[str, Row]:
+    """Every row by its key, in the order of the article; what computes them is loaded."""
+    from actin_xcheck.studies.audit import figures, linear, model, scheme, stability, weak  # noqa: F401
+    from actin_xcheck.studies.audit.checks import row_of
+
+    return {key: row_of(key) for key in article()}
+
 
 SIMULATED, DERIVED = 5.0, 1.0
 """Seconds in which a row with and one without simulations is examined, about."""
@@ -60,10 +258,10 @@ class Examined:
 
 def paper(keys: Sequence[str], said: bool = False) -> Study:
     """Examine the rows of these keys, in their order; `said` makes a finding of what each comes to."""
-    rows = [ROWS[key] for key in keys]
-    families = dict.fromkeys(family for one in rows for family in one.families)
+    asked = [rows()[key] for key in keys]
+    families = dict.fromkeys(family for one in asked for family in one.families)
     runs = {job.file: job for family in families for job in family.jobs().values()}
-    seconds = [SIMULATED if one.families else DERIVED for one in rows]
+    seconds = [SIMULATED if one.families else DERIVED for one in asked]
     yield Batch((job.task for job in runs.values()), later=sum(seconds))
     found: list[Examined] = yield [Task(examine, *one) for one in zip(keys, seconds, strict=True)]
     entries = [one.entry for one in found]
@@ -86,7 +284,9 @@ def paper(keys: Sequence[str], said: bool = False) -> Study:
 
 def examine(key: str, folder: Path) -> Examined:
     """Examine one row, whose runs lie in the folder."""
-    row = ROWS[key]
+    from actin_xcheck.studies.audit.runs import Evidence
+
+    row = rows()[key]
     evidence = [Evidence.of(family, folder) for family in row.families]
     finding = row.examine(*evidence)
     entry = Entry(

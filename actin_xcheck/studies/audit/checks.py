@@ -18,9 +18,7 @@ from actin_xcheck.core.model import Delta
 from actin_xcheck.report.exhibits import Line, Plot, Sheet, Shot, Shots
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.audit import readouts
-from actin_xcheck.studies.audit.readouts import Readout, pattern
-from actin_xcheck.studies.audit.row import (
+from actin_xcheck.studies.audit import (
     Answer,
     Finding,
     Judgement,
@@ -30,7 +28,9 @@ from actin_xcheck.studies.audit.row import (
     article,
     examined,
     examines,
+    readouts,
 )
+from actin_xcheck.studies.audit.readouts import Readout, pattern
 from actin_xcheck.studies.audit.runs import Cell, Evidence, Family, Limit, time_of
 from actin_xcheck.theory.dispersion import Mode, active_slope, k2_crit
 from actin_xcheck.theory.exact import Threshold, threshold

@@ -12,6 +12,7 @@ from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.report.exhibits import Exhibit, Sheet
 from actin_xcheck.scene.expression import Expression, coordinates
+from actin_xcheck.studies.audit import Answer, answer, article, examines
 from actin_xcheck.studies.audit.linear import (
     CONSTANT,
     CORRECTED,
@@ -24,7 +25,6 @@ from actin_xcheck.studies.audit.linear import (
     leading,
     linear_model,
 )
-from actin_xcheck.studies.audit.row import Answer, answer, article, examines
 from actin_xcheck.studies.audit.sample import circle, disk_quadrature, rounds_to
 from actin_xcheck.studies.audit.stability import turns_real
 from actin_xcheck.studies.theory.figures import maps, pictures, plots

@@ -9,7 +9,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array, Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.studies.audit.row import Answer, answer, examines
+from actin_xcheck.studies.audit import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, circle, disk_quadrature
 from actin_xcheck.theory.dispersion import (
     Mode,

@@ -11,8 +11,8 @@ from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
+from actin_xcheck.studies.audit import Answer, answer, examines
 from actin_xcheck.studies.audit.linear import CONSTANT, VERSIONS, linear_model
-from actin_xcheck.studies.audit.row import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import (
     ROUND_OFF,
     Triangles,

@@ -20,8 +20,8 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.audit import table
 from actin_xcheck.studies.audit.readouts import Readout
-from actin_xcheck.studies.audit.row import table
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.theory.growth import extrapolate
 

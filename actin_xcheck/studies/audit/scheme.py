@@ -28,7 +28,7 @@ from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
 from actin_xcheck.runs.numerics import Numerics, step_count
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.audit.row import Answer, answer, examines
+from actin_xcheck.studies.audit import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, Step, relative, second_step
 from actin_xcheck.theory.errata import REALISTIC_CELL
 

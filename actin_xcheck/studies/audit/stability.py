@@ -8,6 +8,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
+from actin_xcheck.studies.audit import Answer, answer, examines
 from actin_xcheck.studies.audit.linear import (
     CONSTANT,
     CORRECTED,
@@ -22,7 +23,6 @@ from actin_xcheck.studies.audit.linear import (
     leading,
     linear_model,
 )
-from actin_xcheck.studies.audit.row import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, disk_quadrature, rounds_to
 from actin_xcheck.theory.dispersion import (
     Mode,

@@ -12,7 +12,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
-from actin_xcheck.studies.audit.row import Answer, answer, examines
+from actin_xcheck.studies.audit import Answer, answer, examines
 from actin_xcheck.studies.audit.sample import (
     ROUND_OFF,
     circle,
