@@ -1,4 +1,4 @@
-"""The audit: one row per statement of the article, examined when what it needs is run; its page, by judgement.
+"""The audit: a row per statement of the article, examined when what it needs is run; its page, by judgement.
 
 `article.toml` has a row's place and statement, and the words of its finding, in which values stand as
 {name}.  What computes them is a function marked `@examines("eq3.6")`: it returns an `answer`.
