@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.core.aside import LostError, aside
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.scene.mesh_file import LostError, aside
 from actin_xcheck.scene.scene import load_scene
 from tests.processes import wait_until
 
-FOREVER = "import time; from actin_xcheck.core.aside import aside; aside(float('inf'), time.sleep, 300)"
+FOREVER = "import time; from actin_xcheck.scene.mesh_file import aside; aside(float('inf'), time.sleep, 300)"
 
 
 def test_what_is_returned_or_raised_comes_home(capfd: pytest.CaptureFixture[str]) -> None:
@@ -44,7 +44,8 @@ def test_what_does_not_end_is_ended_even_where_the_interpreter_waits_for_it() ->
 def test_a_script_is_not_run_once_more(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "import math; from actin_xcheck.core.aside import aside\nprint('once', aside(60, math.sqrt, 4.0))\n"
+        "import math\nfrom actin_xcheck.scene.mesh_file import aside\n"
+        "print('once', aside(60, math.sqrt, 4.0))\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout == "once 2.0\n"
