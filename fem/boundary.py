@@ -86,6 +86,8 @@ class Constraint:
         unknowns = np.stack([first, first + np.maximum(components, 1) - 1], axis=1)
         self.unknown: Indices = np.minimum(unknowns, size - 1).ravel()
         """The free unknown behind each component of a nodal vector, (2 N,)."""
+        self.of_cells = self.unknown[space.vectors.of_cells]
+        """The same of each cell, (2, n_local, n_cells)."""
         self.parts = np.repeat(space.parts, components)
         """The space's dissection of nodes, by free unknown, (n_free,)."""
         full, moves = space.vectors.pattern, np.repeat(components > 0, 2)

@@ -1,8 +1,8 @@
 """P_k fields: integrals over the curved cell, material points in it, and how its fields are stored.
 
-They are stored by their values at equispaced nodes, in VTK's order (`lagrange.py`).  Our nodes are those, but
-for edges of order 3 and 4, whose Gauss-Lobatto nodes have equispaced counterparts one by one.  A field's
-values there follow from its k + 1 values on the edge alone, so that both cells of an edge agree.
+They are stored by their values at equispaced nodes, in VTK's order (`lagrange.py`), which have counterparts
+among ours one by one.  It is the same polynomial; from k = 3 on its values there are sums, which round.  On an
+edge they follow from its k + 1 values there alone, so that both cells of an edge agree.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from actin_xcheck.core.lagrange import nodes
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
-from fem.element import UNIFORM, barycentric, lagrange
+from fem.element import lagrange
 from fem.kernels import CellRule
 from fem.space import Space
 
@@ -87,12 +87,13 @@ def _inverted(space: Space, nodes: Array, points: Array) -> tuple[Array, Array]:
     for _ in range(30):
         values, slopes = element.tabulate(r)
         left = points - np.einsum("iaq,aq->iq", nodes, values)
-        slopes = np.broadcast_to(slopes, (*slopes.shape[:2], r.shape[1]))
         (a, b), (c, d) = np.einsum("iaq,ajq->ijq", nodes, slopes)
         determinant = a * d - b * c
         steps = np.array([d * left[0] - b * left[1], a * left[1] - c * left[0]])
         # a point of the cell has coordinates in [0, 1]: nothing is lost, and nothing runs away
-        r = np.clip(r + steps / np.where(determinant == 0, 1.0, determinant), -1, 2)
+        before, r = r, np.clip(r + steps / np.where(determinant == 0, 1.0, determinant), -1, 2)
+        if np.abs(r - before).max() < 1e-15:
+            break
     outside = np.maximum(np.maximum(-r, 0).max(axis=0), r.sum(axis=0) - 1)
     missed = np.hypot(*(points - np.einsum("iaq,aq->iq", nodes, element.tabulate(r)[0]))) > 1e-10
     return r, np.where(missed, np.inf, outside)
@@ -112,11 +113,11 @@ class Lattice:
     """
 
     def __init__(self, space: Space, triangles: Indices) -> None:
-        uniform = UNIFORM[space.order].doflocs.T
+        uniform = lagrange(space.order).uniform
         self._change: sp.csr_matrix | None = None
         if space.order > 2:
-            self._change = _change(space.cells, lagrange(space.order).tabulate(uniform)[0].T)
-        local = _local_numbers(space.order, barycentric(uniform), space.cells, triangles)
+            self._change = _change(space.cells, lagrange(space.order).tabulate(uniform[1:])[0].T)
+        local = _local_numbers(space.order, uniform, space.cells, triangles)
         cells = np.take_along_axis(space.cells, local, axis=0)
         self.grid = Grid(self.moved(space.xi), cells, space.order)
 
@@ -129,7 +130,8 @@ def _change(cells: Indices, local: Array) -> sp.csr_matrix:
     """The matrix (N, N) that is `local` (n_local, n_local) in each cell; cells that share a node agree."""
     count, owned = np.unique(cells, return_index=True)
     row, cell = np.divmod(owned, cells.shape[1])
-    entries = np.where(np.abs(local) < 1e-13, 0, local)  # on an edge nothing but the edge counts
+    # on an edge nothing but the edge counts, and vertices are shared
+    entries = np.where(np.abs(local - np.rint(local)) < 1e-13, np.rint(local), local)
     shape = (count.size, cells.shape[0])
     rows = np.broadcast_to(count[:, None], shape)
     matrix = sp.csr_matrix((entries[row].ravel(), (rows.ravel(), cells[:, cell].T.ravel())))
@@ -140,7 +142,7 @@ def _change(cells: Indices, local: Array) -> sp.csr_matrix:
 def _local_numbers(order: int, own: Array, cells: Indices, triangles: Indices) -> Indices:
     """Which node of its cell each of VTK's nodes is, (n_local, n_cells).
 
-    Cells of order 3 and 4 have their vertices in another order than the mesh's triangles.
+    Cells of order 3 and more have their vertices in another order than the mesh's triangles.
     """
     vertex = (cells[:3, None] == triangles).argmax(axis=0)  # (3, n_cells): our number of VTK's vertices
     numbers = np.empty((len(cells), cells.shape[1]), dtype=np.int64)

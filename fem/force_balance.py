@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -9,25 +10,35 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.contract import Move
 from actin_xcheck.core.errors import Outcome
-from actin_xcheck.core.linear import Preconditioner, SymmetricSolver, bincount
+from actin_xcheck.core.linear import Operator, Preconditioner, SymmetricSolver, bincount
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.kernels import CellSample
-from fem.space import Space
+from fem.space import CELLWISE, Space
 
 PAIRS = ((0, 1), (1, 2), (2, 0))
 """Local nodes of a cell's edges."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _System:
-    """A + dt B (2N, 2N), F - B u (2N,) and the smallest dilation of each cell (n_cells,)."""
+    """A + dt B (2N, 2N), F - B u (2N,) and the smallest dilation of each cell (n_cells,).
 
-    matrix: sp.csr_matrix
+    `moduli` are those of A + dt B, whose entries are summed when they are asked for.
+    """
+
+    balance: "ForceBalance"
+    x: Array
+    moduli: tuple[float, float]
     load: Array
     dilation: Array
+
+    @cached_property
+    def matrix(self) -> sp.csr_matrix:
+        """A + dt B."""
+        return self.balance.matrix(self.x, self.moduli)
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,8 @@ class ForceBalance:
         self.model = model
         self.mesh = mesh
         self.space = space or Space.on(mesh, order, model.parameters.l0)
-        self.delta = model.delta_on_cells(mesh.centroids)
+        ring = model.parameters.l0
+        self.delta = model.delta_on_cells(self.space.farthest(ring) if mesh.layered else mesh.centroids)
         self.constraint = Constraint(model.closure, self.space)
         # friction on a wall couples rim nodes beyond what the cells' gradients do
         by_edges = order == 1 and model.closure is not Closure.IRROTATIONAL_WALL
@@ -86,13 +98,16 @@ class ForceBalance:
         """Return the instantaneous velocities of A v = F - B u (B.21), (2, N)."""
         return self.flow(t, x, corners).v
 
-    def flow(self, t: float, x: Array, corners: Array) -> Move:
-        """Return the same as a Move that leaves the nodes at x, with its Outcome and the gauge's loads."""
+    def flow(self, t: float, x: Array, corners: Array, about: Array | None = None) -> Move:
+        """Return the same as a Move that leaves the nodes at x, with its Outcome and the gauge's loads.
+
+        Velocities that are about those, (2, N), make it fast.
+        """
         system = self.assemble(x, corners, 0.0)
         outcome = self.model.dilated(t, system.dilation, self._place)
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
-        v, gauge, outcome = self._rates(x, system)
+        v, gauge, outcome = self._rates(x, system, about)
         return Move(x, v, outcome, gauge.force, gauge.torque)
 
     def settle(self, x: Array) -> Array:
@@ -103,12 +118,19 @@ class ForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.space.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def _rates(self, x: Array, system: _System) -> tuple[Array, _Gauge, Outcome]:
+    def _rates(self, x: Array, system: _System, about: Array | None = None) -> tuple[Array, _Gauge, Outcome]:
         gauge = self._balanced(x, system.load)
         constraint, weights = self.constraint, self.constraint.weights(x)
-        reduced = constraint.reduce(weights, system.matrix)
+        reduced: sp.csr_matrix | Operator
+        if self.space.order >= CELLWISE:
+            reduced = CellNetwork(system, weights)
+        else:
+            reduced = constraint.reduce(weights, system.matrix)
         near = self._anchor.factor("force balance", lambda: self._factor(self._anchor.x))
-        q, outcome = self._solver.solve(reduced, constraint.restrict(weights, gauge.load), near)
+        start = None
+        if about is not None and self.model.closure is not Closure.TRACTION_FREE:  # whose v is not P q
+            start = constraint.restrict(weights, about.T.ravel())
+        q, outcome = self._solver.solve(reduced, constraint.restrict(weights, gauge.load), near, start)
         v = weights * q[constraint.unknown]
         if self.model.closure is Closure.TRACTION_FREE:
             v = self._without_rigid_motion(x, v)
@@ -116,7 +138,7 @@ class ForceBalance:
 
     def _factor(self, x: Array) -> Preconditioner | None:
         """Of A at x (2, N); dt B is small beside it."""
-        matrix = self.assemble(x, np.ones(self.space.cells.shape), 0.0).matrix
+        matrix = self.matrix(x, self.model.viscous_moduli())
         return self._solver.preconditioner(self.constraint.reduce(self.constraint.weights(x), matrix))
 
     def assemble(self, x: Array, corners: Array, dt: float) -> _System:
@@ -135,17 +157,20 @@ class ForceBalance:
         load = space.vectors.vector(-inside.stress_load(f + nu_prime * dilation, one * strain))
         _, rim_dilation = rim.strain(u)
         rim_load = rim.normal_load(model.active_stress(a_rim, rim_dilation, model.delta_on_rim()))
-        friction = None
         if model.closure is Closure.IRROTATIONAL_WALL:
-            friction = rim.friction()
-            rim_load -= one * np.einsum("aibje,jbe->aie", friction, u[:, space.on_rim.cells])
+            rim_load -= one * np.einsum("aibje,jbe->aie", rim.friction(), u[:, space.on_rim.cells])
         load += space.rim_vectors.vector(rim_load)
+        return _System(self, x, moduli, load, dilation.min(axis=0))
+
+    def matrix(self, x: Array, moduli: tuple[float, float]) -> sp.csr_matrix:
+        """The matrix (2 N, 2 N) of first eps(v) : eps(w) + second (div v)(div w), with the wall's friction."""
         if self._network is not None:
-            return _System(self._network.matrix(inside, moduli), load, dilation.min(axis=0))
-        entries = space.gradients.at(x).isotropic(moduli)
-        if friction is not None:
-            entries[..., space.rim_cells] += moduli[0] * friction  # no cell has two rim edges
-        return _System(space.vectors.matrix(entries), load, dilation.min(axis=0))
+            return self._network.matrix(self.space.inside.at(x), moduli)
+        entries = self.space.gradients.at(x).isotropic(moduli)
+        if self.model.closure is Closure.IRROTATIONAL_WALL:
+            # no cell has two rim edges
+            entries[..., self.space.rim_cells] += moduli[0] * self.space.on_rim.at(x).friction()
+        return self.space.vectors.matrix(entries)
 
     def _balanced(self, x: Array, load: Array) -> _Gauge:
         """Subtract the uniform force and the torque per area that leave no net load on a free cell."""
@@ -164,14 +189,54 @@ class ForceBalance:
 
     def rigid(self, x: Array) -> tuple[Array, Array]:
         """Rigid motions and their area-weighted images M r, both (2N, 3); fewer on a sector."""
-        mass = self.space.scalars.matrix(self.space.inside.at(x).mass())
-        weights = mass @ np.ones(x.shape[1])
-        rigid = rigid_motions(x, x @ weights / weights.sum()) @ free_motions(self.space.symmetry)
-        return rigid, sp.kron(mass, sp.identity(2), format="csr") @ rigid
+        space, inside = self.space, self.space.inside.at(x)
+        weights = space.scalars.vector(inside.load(np.ones_like(inside.dx)))
+        rigid = rigid_motions(x, x @ weights / weights.sum()) @ free_motions(space.symmetry)
+        weighted = np.empty_like(rigid)
+        for i, motion in enumerate(rigid.T):
+            at_points = inside.rule.blend(motion.reshape(-1, 2).T[:, space.cells])
+            weighted[:, i] = space.vectors.vector(inside.load(at_points).swapaxes(0, 1))
+        return rigid, weighted
 
     def _place(self, cell: int) -> str:
         where = self.mesh.centroids[:, cell]
         return f"in the triangle that started at ({where[0]:.3f}, {where[1]:.3f})"
+
+
+class CellNetwork:
+    """A + dt B in the free unknowns, applied cell by cell: forces of the stress that a velocity makes.
+
+    Parameters
+    ----------
+    system : of a force balance.
+    weights : what each component of a nodal vector takes of its free unknown, (2 N,).
+    """
+
+    def __init__(self, system: _System, weights: Array) -> None:
+        self._system, self._weights = system, weights
+        balance = system.balance
+        space = balance.space
+        self._unknown = balance.constraint.of_cells
+        self._takes = weights[space.vectors.of_cells]
+        self._tensor = space.gradients.at(system.x).elasticity(system.moduli)
+        self._slopes = space.gradients.tables[1]
+        slides = balance.model.closure is Closure.IRROTATIONAL_WALL
+        self._friction = space.on_rim.at(system.x).friction() if slides else None
+
+    def __matmul__(self, q: Array) -> Array:
+        """Apply it to free unknowns (n_free,)."""
+        local = q[self._unknown] * self._takes
+        flux = np.einsum("mnp,np->mp", self._tensor, (self._slopes @ local).reshape(4, -1))
+        forces = self._slopes.T @ flux.reshape(2, -1, local.shape[2])
+        if self._friction is not None:
+            at = self._system.balance.space.rim_cells
+            on_rim = np.einsum("aibje,jbe->iae", self._friction, local[..., at])
+            forces[..., at] += self._system.moduli[0] * on_rim
+        return bincount(self._unknown.ravel(), (forces * self._takes).ravel(), q.size)
+
+    def assembled(self) -> sp.csr_matrix:
+        """The matrix."""
+        return self._system.balance.constraint.reduce(self._weights, self._system.matrix)
 
 
 class Network:

@@ -32,25 +32,25 @@ from actin_xcheck.core.contract import (
     straight_frame,
 )
 from actin_xcheck.core.errors import Outcome
+from actin_xcheck.core.linear import Operator
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import Anchor, PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from fem.fields import Lattice, cell_means, locate, measure, orientation
 from fem.force_balance import ForceBalance
-from fem.space import Space
+from fem.space import CELLWISE, Space
 from fem.tableaux import TABLEAUX
-from fem.transport import TransportSolver
+from fem.transport import TransportMatrices, TransportSolver
 
 
 @dataclass(frozen=True)
 class ImexState(State):
-    """A `State` with nodal values `a` (N,), the mass matrix of its configuration and P = M a, (N,).
+    """A `State` with nodal values `a` (N,) and P = M a, (N,).
 
     `anchor` is where the next step's systems are preconditioned, as in `FemState`.
     """
 
-    mass: sp.csr_matrix = field(default_factory=lambda: sp.csr_matrix((0, 0)))
     content: Array = field(default_factory=lambda: np.zeros(0))
     anchor: Anchor | None = None
 
@@ -59,6 +59,7 @@ class ImexState(State):
 class _Stage:
     """What a stage adds to the step: how nodes move, G (N,), and the gain of total actin it stands for."""
 
+    a: Array
     move: Move
     rate: Array
     gain: float
@@ -72,7 +73,7 @@ class FemImex:
     problem : what to solve.
     mesh : the reference mesh.
     mechanics : who moves the nodes; a prescribed motion is integrated too, to the pair's order.
-    space, time : orders of the elements, 1 to 4, and of the pair, 2 to 4.
+    space, time : orders of the elements, 1 to 8, and of the pair, 2 to 5.
     """
 
     def __init__(self, problem: Problem, mesh: Mesh, mechanics: Mechanics, space: int, time: int) -> None:
@@ -92,10 +93,9 @@ class FemImex:
         """Interpolate the initial data at the nodes."""
         xi = self.space.xi
         x, a = self.mechanics.start(xi + self.problem.u0(xi)), self.problem.a0(xi)
-        mass = self._mass(x)
         anchor = Anchor(x)
         move = self._near(anchor).mechanics.flow(0.0, x, a[self.space.cells])
-        return ImexState(0.0, x, a, move.v, mass=mass, content=mass @ a, anchor=anchor)
+        return ImexState(0.0, x, a, move.v, content=self._mass(x) @ a, anchor=anchor)
 
     def corners(self, state: ImexState) -> Array:
         """Values (3, n_cells) at the corners of the cells."""
@@ -145,7 +145,8 @@ class FemImex:
             t = state.t + pair.c[i] * dt
             if not (outcome := orientation(self.space, t, x)).ok:
                 return state, outcome
-            stages.append(self._stage(t, dt * pair.gamma, x, content))
+            about = self._about(pair.ahead[i], stages)
+            stages.append(self._stage(t, dt * pair.gamma, x, content, about))
         return self._combined(state, dt, stages)
 
     def memento(self, state: ImexState) -> Memento:
@@ -156,7 +157,7 @@ class FemImex:
     def restored(self, memento: Memento) -> ImexState:
         """The state again."""
         known, anchor = recalled(memento), Anchor(memento["anchor"])
-        return ImexState(**known, mass=self._mass(known["x"]), content=memento["content"], anchor=anchor)
+        return ImexState(**known, content=memento["content"], anchor=anchor)
 
     def _near(self, anchor: Anchor | None) -> Self:
         """Return the same, its systems preconditioned at an anchor."""
@@ -168,23 +169,44 @@ class FemImex:
 
     def _first(self, state: ImexState) -> _Stage:
         """The stage at the old state: explicit in both."""
-        move = self.mechanics.flow(state.t, state.x, state.a[self.space.cells])
-        stiffness = self.space.scalars.matrix(self.space.gradients.at(state.x).stiffness())
+        move = self._flow(state.t, state.x, state.a, state.v if self._knows else None)
+        stiffness = TransportMatrices(self.space, state.x).stiffness
         gain, total = self._gain(state.t, state.x), self._rate() * state.content
         rate = gain - total - self.problem.model.parameters.d * (stiffness @ state.a)
-        return _Stage(move, rate, float(gain.sum() - total.sum()))
+        return _Stage(state.a, move, rate, float(gain.sum() - total.sum()))
 
-    def _stage(self, t: float, dt: float, x: Array, content: Array) -> _Stage:
-        """Solve M a = content + dt G(t, x, a) for a, then ask how the nodes move under it."""
-        space, k, d = self.space, self._rate(), self.problem.model.parameters.d
-        mass = self._mass(x)
-        stiffness = space.scalars.matrix(space.gradients.at(x).stiffness())
-        left = space.scalars.pattern.matrix((1 + dt * k) * mass.data + dt * d * stiffness.data)
-        gain = self._gain(t, x)
-        a, outcome = self._solver.solve(left, content + dt * gain, dt * d / (1 + dt * k), self._anchor)
-        new = mass @ a
-        move = self.mechanics.flow(t, x, a[space.cells]) if outcome.ok else Move(x, np.zeros_like(x), outcome)
-        return _Stage(move, (new - content) / dt, float(gain.sum() - k * new.sum()))
+    def _stage(
+        self, t: float, dt: float, x: Array, content: Array, about: tuple[Array | None, Array | None]
+    ) -> _Stage:
+        """Solve M a = content + dt G(t, x, a) for a, then ask how the nodes move under it.
+
+        `about` is what a and v are about, if that is known.
+        """
+        k, d = self._rate(), self.problem.model.parameters.d
+        matrices, gain = TransportMatrices(self.space, x), self._gain(t, x)
+        left, right = matrices.combined(1 + dt * k, dt * d), content + dt * gain
+        a, outcome = self._solver.solve(left, right, dt * d / (1 + dt * k), self._anchor, about[0])
+        a, new = matrices.kept(a, right.sum() / (1 + dt * k))
+        move = self._flow(t, x, a, about[1]) if outcome.ok else Move(x, np.zeros_like(x), outcome)
+        return _Stage(a, move, (new - content) / dt, float(gain.sum() - k * new.sum()))
+
+    def _about(self, weights: Array, stages: list[_Stage]) -> tuple[Array | None, Array | None]:
+        """About what a and v of the next stage are."""
+        if not self._knows:
+            return None, None
+        pairs = list(zip(weights, stages, strict=False))
+        return sum(w * one.a for w, one in pairs), sum(w * one.move.v for w, one in pairs)
+
+    @property
+    def _knows(self) -> bool:
+        """Whether solutions near are used: on meshes of a few large cells."""
+        return self.space.order >= CELLWISE
+
+    def _flow(self, t: float, x: Array, a: Array, about: Array | None) -> Move:
+        corners = a[self.space.cells]
+        if about is not None and isinstance(self.mechanics, ForceBalance):
+            return self.mechanics.flow(t, x, corners, about)
+        return self.mechanics.flow(t, x, corners)
 
     def _combined(self, old: ImexState, dt: float, stages: list[_Stage]) -> tuple[ImexState, Outcome]:
         pair, last = self.tableau, stages[-1].move
@@ -196,28 +218,30 @@ class FemImex:
         content = old.content + dt * pair.b @ rates
         if not (outcome := orientation(self.space, old.t + dt, x)).ok:
             return old, outcome
-        mass = self._mass(x)
-        a, outcome = self._solver.solve(mass, content, 0.0, self._anchor)
-        content, before = mass @ a, old.content.sum()
+        matrices = TransportMatrices(self.space, x)
+        about = stages[-1].a if self._knows else None  # at the new time, if not of the whole order
+        a, outcome = self._solver.solve(matrices.mass, content, 0.0, self._anchor, about)
+        a, content = matrices.kept(a, content.sum())
+        before = old.content.sum()
         gained = dt * sum(w * stage.gain for w, stage in zip(pair.b, stages, strict=True))
         wrong = pair.b - pair.b_embedded
         moved = dt * np.abs(np.tensordot(wrong, velocities, 1)).max()
         # the mass matrix's diagonal stands for it: same norm but for a factor that no mesh changes
-        spread = dt * np.sqrt(((wrong @ rates) ** 2 / mass.diagonal()).sum() / (a @ content))
+        spread = dt * np.sqrt(((wrong @ rates) ** 2 / matrices.diagonal()).sum() / (a @ content))
         anchor = self._anchor
         if anchor is None or anchor.worn(self.space.cells[:3], old.x, x, len(stages)):
             anchor = Anchor(x)
         new = ImexState(
             old.t + dt, x, a, last.v, (content.sum() - before - gained) / content.sum(),
-            last.net_force, last.net_torque, float(max(moved, spread)), mass, content, anchor,
+            last.net_force, last.net_torque, float(max(moved, spread)), content, anchor,
         )  # fmt: skip
         return new, outcome
 
     def _rate(self) -> float:
         return self.problem.model.reaction_rate()
 
-    def _mass(self, x: Array) -> sp.csr_matrix:
-        return self.space.scalars.matrix(self.space.inside.at(x).mass())
+    def _mass(self, x: Array) -> sp.csr_matrix | Operator:
+        return TransportMatrices(self.space, x).mass
 
     def _gain(self, t: float, x: Array) -> Array:
         """k H + S: what polymerisation and the source add, (N,)."""

@@ -16,6 +16,7 @@ from fem.fields import Lattice, cell_means, measure
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex, ImexState
 from fem.space import Space
+from fem.transport import TransportMatrices
 from fem.triangulation import (
     SLIVER,
     NoMesh,
@@ -198,8 +199,8 @@ class Remeshing:
         reading = Reading.at(old, space.xi)
         x, v = solver.mechanics.settle(reading.of(inner.x)), reading.of(inner.v)
         a, outcome = projected(old, space, x, inner.a, before.total_actin)
-        mass = space.scalars.matrix(space.inside.at(x).mass())
-        new = replace(inner, x=x, a=a, v=v, mass=mass, content=mass @ a, anchor=Anchor(x))
+        content = TransportMatrices(space, x).mass @ a
+        new = replace(inner, x=x, a=a, v=v, content=content, anchor=Anchor(x))
         change = state.area_change + abs(measure(space, x, a).area / before.area - 1)
         counted = replace(state, remeshings=state.remeshings + 1, area_change=change, limit=SLIVER)
         return _outer(counted, Part(solver, self._shown), new), outcome

@@ -5,12 +5,12 @@ from functools import cached_property
 from itertools import permutations
 
 import numpy as np
-from skfem import Basis, ElementLineP1, MeshTri
-from skfem.quadrature import get_quadrature
+from numpy.polynomial.legendre import leggauss
 
+from actin_xcheck.core.lagrange import quadrature
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, Symmetry, arcs, signed_areas
 from actin_xcheck.core.model import Array
-from fem.element import UNIFORM, lagrange
+from fem.element import EDGES, lagrange, lobatto
 from fem.kernels import CellRule, RimRule, Scatter
 
 CORNERS = np.array([[0.0, 1, 0], [0, 0, 1]])
@@ -20,11 +20,15 @@ SIDES = list(permutations(range(3), 2))
 """Directed sides of a triangle, by local vertices."""
 
 
-LEAF = 32
-"""Nodes that are not worth dissecting further: dense elimination is faster."""
+LEAF, LARGE_LEAF = 32, 200
+"""Nodes that are not worth dissecting further: dense elimination is faster; those on sides of large cells."""
 
 CUTS = np.array([[1, 0], [0, 1], [1, 1], [1, -1]])
 """Normals of the lines tried as cuts."""
+
+
+CELLWISE = 5
+"""Order from which on matrices are applied cell by cell: they have few zeros, and cells share basis values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +40,7 @@ class Space:
 
     Attributes
     ----------
-    order : k, 1 to 4.
+    order : k, 1 to 8.
     xi : reference positions of the nodes, those of the mesh first, (2, N).
     cells : nodes of each cell, its vertices first, (n_local, n_cells).
     orientation : -1 where a cell's vertices run clockwise, else 1, (n_cells,).
@@ -56,12 +60,12 @@ class Space:
     @classmethod
     def on(cls, mesh: Mesh, order: int, ring: float) -> "Space":
         """Build the space of order k on a mesh; beyond the radius `ring` its layers are circles."""
-        # P3 and P4 number an edge's nodes from its lower to its higher vertex, hence the sorting
+        # an edge's nodes are numbered from its lower to its higher vertex, hence the sorting
         triangles = np.sort(mesh.triangles, axis=0) if order > 2 else mesh.triangles
-        flat = MeshTri(np.ascontiguousarray(mesh.xi), triangles.astype(np.int32, order="C"), sort_t=False)
-        cells = Basis(flat, UNIFORM[order], intorder=1).element_dofs.astype(np.int64)
+        cells = _numbered(triangles, mesh.xi.shape[1], order)
         xi = np.empty((2, cells.max() + 1))
-        xi[:, cells] = (_curved if mesh.layered else _with_arcs)(mesh, triangles, ring, order)
+        curved = (_curved if order < 5 else _bent) if mesh.layered else _with_arcs
+        xi[:, cells] = curved(mesh, triangles, ring, order)
         xi[:, : mesh.xi.shape[1]] = mesh.xi
         orientation = np.sign(signed_areas(mesh.xi, triangles))
         normals = None if mesh.layered else mesh.normals
@@ -74,27 +78,38 @@ class Space:
 
     @cached_property
     def gradients(self) -> CellRule:
-        """Exact for products of gradients in straight cells, degree 2 (k - 1); stiffness and stresses."""
-        return self.rule(2 * (self.order - 1))
+        """Exact for products of gradients in straight cells, degree 2 (k - 1); stiffness and stresses.
+
+        Where matrices are applied cell by cell the same points serve both.
+        """
+        return self.inside if self.order >= CELLWISE else self.rule(2 * (self.order - 1))
 
     def rule(self, degree: int) -> CellRule:
         """Points in the cells, exact for polynomials of a degree on straight ones."""
-        points, weights = get_quadrature(UNIFORM[self.order], degree)
+        points, weights = quadrature(degree)
         values, slopes = lagrange(self.order).tabulate(points)
+        slopes = slopes[..., : self._slopes]
         signed = weights[:, None] if self.order < 3 else weights[:, None] * self.orientation
         return CellRule(self.cells, signed, values[..., None], slopes[..., None])
+
+    @property
+    def _slopes(self) -> int | None:
+        """How many slopes there are where they are the same at all points."""
+        return 1 if self.order == 1 else None
 
     @cached_property
     def on_rim(self) -> RimRule:
         """Points of degree 2 k + 1 on the rim edges; a cell's own basis gives traces of gradients too."""
-        s, weights = get_quadrature(ElementLineP1, 2 * self.order + 1)
+        z, w = leggauss(self.order + 1)
+        s, weights = (1 + z)[None] / 2, w / 2
         start, end = self._rim_sides
-        tables = {
-            (p, q): lagrange(self.order).tabulate(CORNERS[:, [p]] + (CORNERS[:, [q]] - CORNERS[:, [p]]) * s)
-            for p, q in SIDES
-        }
-        of_edge = [tables[side] for side in zip(start.tolist(), end.tolist(), strict=True)]
-        values, slopes = (np.stack(table, axis=-1) for table in zip(*of_edge, strict=True))
+        along = [CORNERS[:, [p]] + (CORNERS[:, [q]] - CORNERS[:, [p]]) * s for p, q in SIDES]
+        tables = lagrange(self.order).tabulate(np.hstack(along))
+        values, slopes = (
+            table.reshape(*table.shape[:-1], len(SIDES), -1)[..., self._rim_finds // self.cells.shape[1], :]
+            for table in tables
+        )
+        values, slopes = values.swapaxes(-2, -1), slopes[..., : self._slopes].swapaxes(-2, -1)
         direction = CORNERS[:, end] - CORNERS[:, start]
         return RimRule(self.cells[:, self.rim_cells], weights[:, None], values, slopes, direction)
 
@@ -119,11 +134,20 @@ class Space:
             return self.xi[:, self.rim_nodes]
         nodes = self.rim_nodes.reshape(-1, self.order)
         start, end = (self.normals[:, ends] / np.hypot(*self.normals[:, ends]) for ends in self.rim)
-        along = np.sort(lagrange(self.order).nodes[1, lagrange(self.order).nodes[2] == 0])[:-1]
+        along = lobatto(self.order)[:-1]
         turned = (1 - along) * start[..., None] + along * end[..., None]
         is_arc = (np.abs(np.hypot(*self.xi[:, self.rim]) - 1) < ON_A_CIRCLE).all(axis=0)
         inner = is_arc[:, None] & (along > 0)
         return np.where(inner, self.xi[:, nodes], turned).reshape(2, -1)
+
+    def farthest(self, ring: float) -> Array:
+        """The node of each cell that is farthest from a circle, (2, n_cells).
+
+        It is on the cell's own side, where the mean of the corners of a thin or much curved cell need not be.
+        """
+        nodes = self.xi[:, self.cells]
+        farthest = np.abs(np.hypot(*nodes) - ring).argmax(axis=0)
+        return np.take_along_axis(nodes, farthest[None, None], axis=1)[:, 0]
 
     @cached_property
     def scalars(self) -> Scatter:
@@ -144,7 +168,17 @@ class Space:
     def parts(self) -> Indices:
         """Nested dissection of the nodes, for direct solvers, (N,)."""
         pattern = self.scalars.pattern
-        return nested_dissection(self.xi, pattern.rows, pattern.columns)
+        if self.order < CELLWISE:
+            return nested_dissection(self.xi, pattern.rows, pattern.columns, LEAF)
+        # the inner nodes of a cell come first: what couples them is dense, and as large as the next cell's
+        inner = self.cells[3 * self.order :]
+        parts = np.full(self.xi.shape[1], -1)
+        parts[inner] = np.arange(inner.shape[1])
+        shared, number = np.flatnonzero(parts < 0), np.cumsum(parts < 0) - 1
+        kept = (parts[pattern.rows] < 0) & (parts[pattern.columns] < 0)
+        rows, columns = number[pattern.rows[kept]], number[pattern.columns[kept]]
+        parts[shared] = inner.shape[1] + nested_dissection(self.xi[:, shared], rows, columns, LARGE_LEAF)
+        return parts
 
     @cached_property
     def rim_cells(self) -> Indices:
@@ -163,6 +197,19 @@ class Space:
         keys = np.concatenate([self.cells[p] * count + self.cells[q] for p, q in SIDES])
         order = np.argsort(keys)
         return order[np.searchsorted(keys, self.rim[0] * count + self.rim[1], sorter=order)]
+
+
+def _numbered(triangles: Indices, count: int, order: int) -> Indices:
+    """Nodes (n_local, n_cells) of cells with so many vertices: theirs, then edge by edge, then cell by cell."""
+    first, second = np.sort(triangles[np.array(EDGES).T], axis=0)
+    edges, edge = np.unique(first * count + second, return_inverse=True)
+    inner = (order - 1) * (order - 2) // 2
+    along, inside = np.arange(order - 1)[:, None], np.arange(inner)[:, None]
+    on_edges = count + (order - 1) * edge.reshape(first.shape)[:, None] + along
+    start = count + (order - 1) * edges.size
+    cells = triangles.shape[1]
+    own = start + inner * np.arange(cells) + inside
+    return np.vstack([triangles, on_edges.reshape(-1, cells), own]).astype(np.int64)
 
 
 def _interleaved(cells: Indices) -> Indices:
@@ -193,6 +240,39 @@ def _curved(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
     return straight + np.minimum(radius / ring, 1) ** order * (polar - straight)
 
 
+def _bent(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
+    """Node positions (2, n_local, n_cells) in cells on few layers, for polynomials of high degree.
+
+    From the ring outwards radius and angle are linear in a cell.  Inside of it cells are straight, but for those
+    with a side on the ring, which the arc's departure from its chord bends: x (1 - x) q(x) on the side, it is
+    l m q((1 + m - l)/2) in the cell with l and m its ends' barycentric coordinates (Szabo and Babuska, Finite
+    Element Analysis, 1991, section 6.2).  All are entire functions: errors fall with the degree on any mesh.
+    """
+    corners, shares = mesh.xi[:, triangles], lagrange(order).nodes
+    radii, angles = np.hypot(*corners), np.arctan2(corners[1], corners[0])
+    turns = np.remainder(angles - angles[0] + np.pi, 2 * np.pi) - np.pi
+    radius, angle = shares.T @ radii, angles[0] + shares.T @ turns
+    on_ring = np.abs(radii - ring) < ON_A_CIRCLE
+    nodes = np.einsum("cn,ice->ine", shares, corners)
+    outside = (on_ring | (radii > ring)).all(axis=0)
+    nodes[..., outside] = (radius * np.array([np.cos(angle), np.sin(angle)]))[..., outside]
+    for i, j in EDGES:
+        bent = np.flatnonzero(on_ring[i] & on_ring[j] & ~outside)
+        l, m = shares[i][:, None], shares[j][:, None]
+        x = (1 + m - l) / 2
+        turn = np.remainder(angles[j] - angles[i] + np.pi, 2 * np.pi) - np.pi
+        turned = (angles[i] + x * turn)[:, bent]
+        chord = (1 - x) * corners[:, i][:, None, bent] + x * corners[:, j][:, None, bent]
+        departure = ring * np.array([np.cos(turned), np.sin(turned)]) - chord
+        nodes[..., bent] += _ratio(l * m, x * (1 - x)) * departure
+    return nodes
+
+
+def _ratio(small: Array, other: Array) -> Array:
+    """The one over the other, both of which vanish at the ends of a side."""
+    return np.divide(small, other, out=np.zeros_like(small), where=other > 0)
+
+
 def _with_arcs(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
     """Node positions (2, n_local, n_cells) in cells whose sides are straight, or arcs.
 
@@ -216,8 +296,7 @@ def _with_arcs(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array
 
 def _departure(start: Array, end: Array, degree: int, s: Array) -> Array:
     """Of arcs about the origin from their chords, interpolated with a degree: (2, n_s, n) at s (n_s,)."""
-    element = lagrange(degree)
-    known = np.sort(element.nodes[1, element.nodes[2] == 0])
+    known = lobatto(degree)
     angle, turn = np.arctan2(start[1], start[0]), start[0] * end[1] - start[1] * end[0]
     turn = np.arctan2(turn, (start * end).sum(axis=0))
     to = known[:, None]
@@ -234,13 +313,14 @@ def _layer_radii(mesh: Mesh) -> Array:
     return (radii[1:] + radii[:-1]) / 2
 
 
-def nested_dissection(points: Array, rows: Indices, columns: Indices) -> Indices:
+def nested_dissection(points: Array, rows: Indices, columns: Indices, leaf: int) -> Indices:
     """Parts of a nested dissection by straight cuts through medians (George, SIAM J. Numer. Anal. 10, 1973).
 
     Parameters
     ----------
     points : position of each node, (2, n).
     rows, columns : pairs of coupled nodes, (k,).
+    leaf : nodes that are not worth dissecting further.
 
     Returns
     -------
@@ -260,7 +340,7 @@ def nested_dissection(points: Array, rows: Indices, columns: Indices) -> Indices
         digits = np.array([_cut(normal @ points[:, nodes], part, size, first, second) for normal in CUTS])
         costs = np.array([np.bincount(part, digit == 2, size.size) for digit in digits])
         digit = np.take_along_axis(digits, costs.argmin(axis=0)[part][None], axis=0)[0]
-        digit[size[part] <= LEAF] = 2
+        digit[size[part] <= leaf] = 2
         path = 3 * path + 2
         path[nodes] += digit - 2
         active[nodes] = digit < 2

@@ -2,11 +2,13 @@
 
 Both halves share abscissae and weights, so that an order-p pair couples them to order p.  Order 2: Giraldo,
 Kelly and Constantinescu, SIAM J. Sci. Comput. 35 (2013); orders 3 and 4: Kennedy and Carpenter, Appl. Numer.
-Math. 44 (2003), ARK3(2)4L[2]SA and ARK4(3)6L[2]SA.
+Math. 44 (2003), ARK3(2)4L[2]SA and ARK4(3)6L[2]SA; order 5: the same, Appl. Numer. Math. 136 (2019),
+ARK5(4)8L[2]SA with gamma = 2/9.
 """
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +39,15 @@ class Tableau:
     def gamma(self) -> float:
         """The implicit diagonal."""
         return float(self.implicit[-1, -1])
+
+    @cached_property
+    def ahead(self) -> Array:
+        """What a stage's values are about, by those of the stages before: exact for parabolas, small, (s, s)."""
+        weights = np.zeros((self.c.size, self.c.size))
+        for i in range(1, self.c.size):
+            powers = np.arange(min(i, 3))[:, None]
+            weights[i, :i] = np.linalg.lstsq(self.c[:i] ** powers, self.c[i] ** powers[:, 0], rcond=None)[0]
+        return weights
 
 
 def _matrix(*rows: str) -> Array:
@@ -105,5 +116,45 @@ def _order_4() -> Tableau:
     return Tableau(4, 3, implicit.sum(axis=1), explicit, implicit, implicit[-1], embedded)
 
 
-TABLEAUX = {2: _order_2(), 3: _order_3(), 4: _order_4()}
+def _order_5() -> Tableau:
+    explicit = _matrix(
+        "0",
+        "4/9",
+        "1/9 1183333538310/1827251437969",
+        "895379019517/9750411845327 477606656805/13473228687314 -112564739183/9373365219272",
+        "-4458043123994/13015289567637 -2500665203865/9342069639922 983347055801/8893519644487 "
+        "2185051477207/2551468980502",
+        "-167316361917/17121522574472 1605541814917/7619724128744 991021770328/13052792161721 "
+        "2342280609577/11279663441611 3012424348531/12792462456678",
+        "6680998715867/14310383562358 5029118570809/3897454228471 2415062538259/6382199904604 "
+        "-3924368632305/6964820224454 -4331110370267/15021686902756 "
+        "-3944303808049/11994238218192",
+        "2193717860234/3570523412979 2193717860234/3570523412979 5952760925747/18750164281544 "
+        "-4412967128996/6196664114337 4151782504231/36106512998704 572599549169/6265429158920 "
+        "-457874356192/11306498036315",
+    )
+    implicit = _matrix(
+        "0",
+        "2/9 2/9",
+        "2366667076620/8822750406821 2366667076620/8822750406821 2/9",
+        "-257962897183/4451812247028 -257962897183/4451812247028 128530224461/14379561246022 2/9",
+        "-486229321650/11227943450093 -486229321650/11227943450093 -225633144460/6633558740617 "
+        "1741320951451/6824444397158 2/9",
+        "621307788657/4714163060173 621307788657/4714163060173 -125196015625/3866852212004 "
+        "940440206406/7593089888465 961109811699/6734810228204 2/9",
+        "2036305566805/6583108094622 2036305566805/6583108094622 -3039402635899/4450598839912 "
+        "-1829510709469/31102090912115 -286320471013/6931253422520 8651533662697/9642993110008 "
+        "2/9",
+        "0 0 3517720773327/20256071687669 4569610470461/17934693873752 "
+        "2819471173109/11655438449929 3296210113763/10722700128969 -1142099968913/5710983926999 "
+        "2/9",
+    )
+    embedded = _matrix(
+        "0 0 520639020421/8300446712847 4550235134915/17827758688493 1482366381361/6201654941325 "
+        "5551607622171/13911031047899 -5266607656330/36788968843917 1074053359553/5740751784926"
+    )[0]
+    return Tableau(5, 4, implicit.sum(axis=1), explicit, implicit, implicit[-1], embedded)
+
+
+TABLEAUX = {2: _order_2(), 3: _order_3(), 4: _order_4(), 5: _order_5()}
 """By order."""

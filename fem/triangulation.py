@@ -197,10 +197,7 @@ class Rebalanced(ForceBalance):
 
     def __init__(self, model: Model, mesh: Mesh, space: Space) -> None:
         super().__init__(model, mesh, space.order, space)
-        # a thin cell's corners may have their mean on the other side of the ring
-        nodes = space.xi[:, space.cells]
-        farthest = np.abs(np.hypot(*nodes) - model.parameters.l0).argmax(axis=0)
-        self.delta = model.delta_on_cells(np.take_along_axis(nodes, farthest[None, None], axis=1)[:, 0])
+        self.delta = model.delta_on_cells(space.farthest(model.parameters.l0))
 
 
 FINE = 8

@@ -15,12 +15,17 @@ from fem.tableaux import TABLEAUX
 from tests.lab import film_of, local_orders, play, scene_of
 
 IMEX = [name for name in METHODS if "imex" in name]
-EVERY = pytest.mark.parametrize("method", IMEX)
+QUICK, LONG = IMEX[:5], [pytest.param(name, marks=pytest.mark.slow) for name in IMEX[5:]]
+EVERY = pytest.mark.parametrize("method", [*QUICK, *LONG])
 SLOW_ABOVE_P2 = pytest.mark.parametrize(
     "method", [*IMEX[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in IMEX[2:])]
 )
 SMOOTH = "1 + 0.1*cos(pi*r**2)*(1 + 0.5*(r**2 - r**4/2)*cos(2*theta))"  # n.grad a = 0 on the rim
 MOVING = scene_of("psi = 270.0\np = 0.26", a=SMOOTH, end=0.08, more='[model]\ndelta = "ring"\n')
+
+
+STEPS = {4: (4, 8, 16, 32), 5: (2, 4, 8, 16)}
+"""Of a test of order, where finer ones would be in round-off, or show the order of the stages."""
 
 
 def changes(values):
@@ -41,9 +46,20 @@ def test_the_pairs_meet_their_order_conditions_coupling_included(pair):
         *((b @ A @ c**2, 1 / 12) for A in halves),
         *((b @ A @ B @ c, 1 / 24) for A in halves for B in halves),
     ]
+    trees[5] = [
+        (b @ c**4, 1 / 5),
+        *((b * c**2 @ A @ c, 1 / 10) for A in halves),
+        *((b * (A @ c) @ B @ c, 1 / 20) for A in halves for B in halves),
+        *((b * c @ A @ c**2, 1 / 15) for A in halves),
+        *((b @ A @ c**3, 1 / 20) for A in halves),
+        *((b * c @ A @ B @ c, 1 / 30) for A in halves for B in halves),
+        *((b @ A @ (c * (B @ c)), 1 / 40) for A in halves for B in halves),
+        *((b @ A @ B @ c**2, 1 / 60) for A in halves for B in halves),
+        *((b @ A @ B @ C @ c, 1 / 120) for A in halves for B in halves for C in halves),
+    ]
     for order in range(1, pair.order + 1):
         assert all(abs(value - exact) < 1e-13 for value, exact in trees[order])
-    assert pair.order == 4 or any(abs(value - exact) > 1e-3 for value, exact in trees[pair.order + 1])
+    assert pair.order == 5 or any(abs(value - exact) > 1e-4 for value, exact in trees[pair.order + 1])
     assert np.allclose(pair.implicit[-1], b, atol=1e-15)  # stiffly accurate
     assert pair.b_embedded.sum() == pytest.approx(1, abs=1e-13)
 
@@ -62,13 +78,14 @@ def test_order_in_dt_of_the_coupled_moving_cell(method):
 
     Started from data that miss n.grad a_t = 0, the steps of order 4 fall at 3 to 3.7 first.  Pointwise they
     do so still: on a moving rim a pair whose stages are of order 2 loses order where n.grad a = 0 is met.
+    Positions, which take a's part in the mean, fall at 4.3 by steps of order 5.
     """
     order, solver = METHODS[method].order_dt, bind(MOVING, Numerics(METHODS[method], 2, 1.0))
     made = after(solver, solver.init(), 0.02, 64)
-    ends = [after(solver, made, 0.06, n) for n in ((4, 8, 16, 32) if order == 4 else (8, 16, 32, 64))]
+    ends = [after(solver, made, 0.06, n) for n in (STEPS.get(order, (8, 16, 32, 64)))]
     areas = [np.array([solver.measure(end).area]) for end in ends]
     assert local_orders(changes(areas))[-1] == pytest.approx(order, abs=0.2)
-    assert local_orders(changes([end.x for end in ends]))[-1] > order - 0.4
+    assert local_orders(changes([end.x for end in ends]))[-1] > order - (0.4 if order < 5 else 0.8)
 
 
 @pytest.mark.parametrize(("method", "levels"), [("fem-p2-imex3", (2, 3, 4)), ("fem-p3-imex4", (1, 2, 3))])

@@ -1,11 +1,22 @@
 """The kernels against the weak forms: plain scikit-fem on fresh curved meshes, for k = 1 to 4."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from skfem import Basis, ElementTriP3, ElementTriP4, ElementVector, FacetBasis, MeshTri, MeshTri2
+from skfem import (
+    Basis,
+    ElementTriP1,
+    ElementTriP2,
+    ElementTriP3,
+    ElementTriP4,
+    ElementVector,
+    FacetBasis,
+    MeshTri,
+    MeshTri2,
+)
 from skfem.element.element_h1 import ElementH1
 from skfem.helpers import div
 from skfem.mapping import MappingIsoparametric
@@ -13,18 +24,21 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine
 
 from actin_xcheck.core.errors import Ending
+from actin_xcheck.core.lagrange import quadrature
 from actin_xcheck.core.linear import SymmetricSolver, solve
 from actin_xcheck.core.mesh import Symmetry, disk, sector
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from fem import forms
-from fem.element import UNIFORM, lagrange
+from fem.element import HIGHEST, lagrange
 from fem.fields import locate
-from fem.force_balance import ForceBalance
+from fem.force_balance import CellNetwork, ForceBalance
 from fem.space import Space
+from fem.transport import TransportMatrices
 from tests.lab import local_orders
 
 ORDERS = (1, 2, 3, 4)
+EVERY_ORDER = range(1, HIGHEST + 1)
 L0 = 0.8
 MESH = disk(2, L0, rotation=0.3)
 DT = 0.03
@@ -40,6 +54,7 @@ class MeshTri4(MeshTri2):
     elem: type = ElementTriP4
 
 
+UNIFORM = {1: ElementTriP1(), 2: ElementTriP2(), 3: ElementTriP3(), 4: ElementTriP4()}
 MESHES = {1: MeshTri, 2: MeshTri2, 3: MeshTri3, 4: MeshTri4}
 
 
@@ -192,6 +207,52 @@ def test_current_normals_are_the_integrals_of_phi_n(k):
     assert np.array_equal(weights[inner], np.ones((inner.size, 2)))
 
 
+@pytest.mark.parametrize("k", [5, HIGHEST])
+@pytest.mark.parametrize("closure", list(Closure))
+def test_matrices_that_are_applied_cell_by_cell_are_those_of_their_entries(k, closure):
+    balance = ForceBalance(Model(Parameters(150.0, 0.4, l0=L0), closure=closure), MESH, k)
+    space, x = balance.space, moved(balance.space.xi)
+    random = np.random.default_rng(5)
+    matrices, a = TransportMatrices(space, x), random.random(x.shape[1])
+    for mass, diffusion in ((1.0, 0.0), (0.0, 1.0), (1.3, 0.02)):
+        operator, entries = matrices.combined(mass, diffusion), matrices.assembled(mass, diffusion)
+        assert same(operator @ a, entries @ a)
+    assert same(matrices.diagonal(), matrices.assembled(1.0, 0.0).diagonal())
+    kept, content = matrices.kept(a, 3.0)
+    assert content.sum() == pytest.approx(3, rel=1e-14)
+    assert same(matrices.mass @ kept, content)
+    corners, weights = lumpy(space.xi)[space.cells], balance.constraint.weights(x)
+    network = CellNetwork(balance.assemble(x, corners, DT), weights)
+    q = random.random(balance.constraint.pattern.size)
+    assert same(network @ q, network.assembled() @ q)
+
+
+@pytest.mark.parametrize("k", EVERY_ORDER)
+def test_polynomials_of_the_elements_degree_are_its_own(k):
+    """Values and slopes at any point, and integrals by the space's own rule: exact but for round-off."""
+    points = np.random.default_rng(k).dirichlet([1, 1, 1], 20).T
+    values, slopes = lagrange(k).tabulate(points[1:])
+    (x, y), (r, s) = points[1:], lagrange(k).nodes[1:]
+    assert same(((1 + r - 2 * s) ** k) @ values, (1 + x - 2 * y) ** k, 2.0**k)
+    along = np.einsum("n,niq->iq", (1 + r - 2 * s) ** k, slopes)
+    assert same(along, k * (1 + x - 2 * y) ** (k - 1) * np.array([[1], [-2]]), 2.0**k * k, 1e-12)
+    assert np.abs(values).sum(axis=0).max() < 6  # equispaced nodes have 24 at k = 8
+    for degree in (2 * k, 4 * k - 2):
+        (x, y), weights = quadrature(degree)
+        exact = math.factorial(degree) / math.factorial(degree + 2)
+        assert weights @ x**degree == pytest.approx(exact, rel=1e-12)
+        assert weights @ (x + y) ** degree == pytest.approx(1 / (degree + 2), rel=1e-12)
+
+
+def test_a_cell_bent_beyond_its_corners_is_on_its_own_side_of_the_ring():
+    """On the coarsest mesh the corners of a cell outside of the ring have their mean inside of it."""
+    mesh = disk(1, L0)
+    balance = ForceBalance(Model(Parameters(150.0, 0.4, l0=L0)), mesh, 5)
+    outside = (np.hypot(*balance.space.xi[:, balance.space.cells]) > L0 + 1e-6).any(axis=0)
+    assert np.array_equal(balance.delta, outside)
+    assert not np.array_equal(balance.delta, np.hypot(*mesh.centroids) > L0)
+
+
 def test_the_solver_is_exact_for_every_pattern_it_dissects():
     """Refined past several cuts: the multifrontal factorisation solves what SuperLU solves."""
     space = Space.on(disk(5, L0), 1, L0)
@@ -222,8 +283,13 @@ def test_an_indefinite_matrix_is_still_solved_and_a_singular_one_reported():
 
 RING = 0.75
 """A ring that every mesh from refinement 2 on has at the same layer, so that meshes refine evenly."""
-LEVELS = {1: (4, 5), 2: (3, 4), 3: (3, 4), 4: (3, 4)}
+LEVELS = {1: (4, 5), 2: (3, 4), 3: (3, 4), 4: (3, 4), 5: (2, 3), 6: (2, 3), 7: (2, 3), 8: (2, 3)}
 """Refinements at which errors are asymptotic and above round-off."""
+
+
+def scatter_of(k):
+    """How far an observed order may be from k + 1: above P4 two meshes of few cells are all round-off leaves."""
+    return 0.12 if k < 5 else 0.7
 
 
 def order(k, error, levels=None):
@@ -239,7 +305,7 @@ def l2_error(space, nodal, exact):
     return np.sqrt(((field - exact(points)) ** 2 * rule.at(space.xi).dx).sum())
 
 
-@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("k", EVERY_ORDER)
 @pytest.mark.parametrize("l0", [0.3, L0])
 def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
     for refine in (1, 2, 3, 4):
@@ -255,7 +321,7 @@ def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
         assert angles[-1] - angles[0] < 2 * np.pi
 
 
-@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("k", EVERY_ORDER)
 @pytest.mark.parametrize("mirrors", [1, 2])
 def test_a_sectors_curved_cells_are_those_of_the_disk(k, mirrors):
     symmetry, refine = Symmetry(mirrors, 0.2), 3
@@ -290,9 +356,11 @@ def wave(x):
     return np.sin(3 * x[0] + 0.5) * np.exp(x[1])
 
 
-@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("k", EVERY_ORDER)
 def test_smooth_fields_are_interpolated_at_order_k_plus_one(k):
-    assert order(k, lambda space: l2_error(space, wave(space.xi), wave)) == pytest.approx(k + 1, abs=0.12)
+    assert order(k, lambda space: l2_error(space, wave(space.xi), wave)) == pytest.approx(
+        k + 1, abs=scatter_of(k)
+    )
 
 
 def polished(x):
@@ -303,7 +371,7 @@ def polished(x):
     return a, 4 * np.pi * (np.sin(np.pi * s) + np.pi * s * np.cos(np.pi * s)) + 12 * quadrupole
 
 
-@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("k", EVERY_ORDER)
 def test_a_diffusion_problem_converges_at_order_k_plus_one(k):
     """a - Laplace a = s with n.grad a = 0, as (B.22) assembles it."""
 
@@ -315,7 +383,7 @@ def test_a_diffusion_problem_converges_at_order_k_plus_one(k):
         assert outcome.ok
         return l2_error(space, a, lambda x: polished(x)[0])
 
-    assert order(k, error) == pytest.approx(k + 1, abs=0.12)
+    assert order(k, error) == pytest.approx(k + 1, abs=scatter_of(k))
 
 
 def contraction(x):
@@ -329,7 +397,7 @@ def contraction(x):
     return v, quadrupole * (12 * 278 - 32 * 103 * s) / 200
 
 
-@pytest.mark.parametrize("k", ORDERS)
+@pytest.mark.parametrize("k", EVERY_ORDER)
 def test_the_force_balance_converges_at_order_k_plus_one(k):
     """-div sigma_v = grad f with f = -mu Laplace chi, a being the concentration whose pressure is f."""
     p = 500.0
@@ -350,10 +418,14 @@ def test_the_force_balance_converges_at_order_k_plus_one(k):
         return l2_error(space, v, lambda x: contraction(x)[0])
 
     errors = [error(refine) for refine in LEVELS[k]]
-    assert local_orders(errors)[0] == pytest.approx(k + 1, abs=0.12)
+    if k == HIGHEST:  # a few digits of the rules, which have 13 or 14, times p are all that is left
+        assert errors[1] < 2e-11
+        assert errors[0] < 2e-9
+    else:
+        assert local_orders(errors)[0] == pytest.approx(k + 1, abs=scatter_of(k))
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("order", EVERY_ORDER)
 def test_points_are_found_where_they_are(order):
     """Also on the coarsest mesh, whose cells are so curved that Newton's method can go astray."""
     space = Space.on(disk(1, 0.8), order, 0.8)

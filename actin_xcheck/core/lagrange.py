@@ -8,24 +8,29 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 
 
+TABLED = 19
+"""Degree up to which the rule of fewest points is tabled."""
+
+
 def nodes(order: int) -> Array:
     """Barycentric coordinates of the nodes of a triangle of order k >= 1, (3, n_local)."""
-    return np.array(_lattice(order)).T / order
+    return np.array(lattice(order)).T / order
 
 
-def _lattice(order: int) -> list[tuple[int, int, int]]:
-    """The same times k: whole numbers that add up to k."""
+def lattice(order: int) -> list[tuple[int, int, int]]:
+    """The same times k, node by node: whole numbers that add up to k."""
     if order == 0:
         return [(0, 0, 0)]
     ends = order * np.eye(3, dtype=int)
     along = [(ends[i], ends[(i + 1) % 3] - ends[i]) for i in range(3)]
     on_edges = [start + direction * step // order for start, direction in along for step in range(1, order)]
-    inside = [np.add(1, node) for node in (_lattice(order - 3) if order >= 3 else [])]
+    inside = [np.add(1, node) for node in (lattice(order - 3) if order >= 3 else [])]
     return [(int(i), int(j), int(k)) for i, j, k in (*ends, *on_edges, *inside)]
 
 
@@ -40,7 +45,7 @@ def order_of(n_local: int) -> int:
 @cache
 def pieces(order: int) -> Indices:
     """Local nodes (3, k^2) of the triangles into which the nodes cut one of order k, counter-clockwise."""
-    number = {node: n for n, node in enumerate(_lattice(order))}
+    number = {node: n for n, node in enumerate(lattice(order))}
 
     def at(i: int, j: int) -> int:
         return number[order - i - j, i, j]
@@ -79,23 +84,77 @@ class Rule:
 @cache
 def rule(order: int, degree: int) -> Rule:
     """Return the basis of order k at the points of a rule that is exact for polynomials of a degree."""
-    from skfem import ElementTriP1  # here: most of what reads runs integrates nothing
-    from skfem.quadrature import get_quadrature
+    points, weights = quadrature(degree)
+    return Rule(weights, *Basis(nodes(order))(points))
 
-    points, weights = get_quadrature(ElementTriP1(), degree)
-    powers = np.array([(i, n - i) for n in range(order + 1) for i in range(n + 1)]).T
 
-    def monomials(at: Array, lowered: tuple[int, int] = (0, 0)) -> Array:
-        """x^i y^j, or its derivative in x or y, (n_local, q)."""
-        left = [np.maximum(power - by, 0) for power, by in zip(powers, lowered, strict=True)]
-        factor = np.prod([np.where(by, power, 1) for power, by in zip(powers, lowered, strict=True)], axis=0)
-        return factor[:, None] * at[0] ** left[0][:, None] * at[1] ** left[1][:, None]
+def quadrature(degree: int) -> tuple[Array, Array]:
+    """Points (2, q) of the reference triangle and weights (q,), exact for polynomials of a degree."""
+    if degree <= TABLED:
+        from skfem import ElementTriP1  # here: most of what reads runs integrates nothing
+        from skfem.quadrature import get_quadrature
 
-    change = np.linalg.inv(monomials(nodes(order)[1:]))
-    if order == 1:
-        change = np.rint(change)  # exact: numbers of straight cells are those of `geometry` to the last bit
-    slopes = [change @ monomials(points, lowered) for lowered in ((1, 0), (0, 1))]
-    return Rule(weights, change @ monomials(points), np.stack(slopes, axis=1))
+        points, weights = get_quadrature(ElementTriP1(), degree)
+        return points, weights
+    z, w = leggauss(degree // 2 + 2)  # on a square one side of which is pressed into a corner
+    s, left = (1 + z) / 2, (1 - z)[:, None] / 2
+    points = np.array([s * left, np.broadcast_to((1 - left), (s.size, s.size))])
+    return points.reshape(2, -1), (w * w[:, None] * left / 4).ravel()
+
+
+class Basis:
+    """The Lagrange basis of order k with nodes of given barycentric coordinates (3, n_local).
+
+    Parameters
+    ----------
+    nodes : where one function is 1 and all others are 0.
+    """
+
+    def __init__(self, nodes: Array) -> None:
+        self.order = order_of(nodes.shape[1])
+        self._change = np.linalg.inv(_modes(self.order, nodes[1:])[0])
+
+    def __call__(self, points: Array) -> tuple[Array, Array]:
+        """Values (n_local, q) and slopes (n_local, 2, q) at points (2, q) of the reference triangle."""
+        if self.order == 1:  # exact: numbers of straight cells are those of `geometry` to the last bit
+            slopes = np.array([[-1.0, -1], [1, 0], [0, 1]])
+            values = np.array([1 - points[0] - points[1], points[0], points[1]])
+            return values, np.repeat(slopes[..., None], points.shape[1], axis=2)
+        values, *slopes = self._change @ _modes(self.order, points)
+        return values, np.stack(slopes, axis=1)
+
+
+def _modes(order: int, points: Array) -> Array:
+    """Orthogonal polynomials of degrees up to k on the triangle and both slopes, (3, n_local, q).
+
+    Legendre's along one side, scaled by the distance from the corner across, times Jacobi's in that distance
+    (Dubiner, J. Sci. Comput. 6, 1991), by their recurrences; each number is carried with its slopes.
+    """
+    x, y = (np.array([at, np.full_like(at, i == 0), np.full_like(at, i == 1)]) for i, at in enumerate(points))
+    one = np.zeros_like(x)
+    one[0] = 1
+
+    def times(f: Array, g: Array) -> Array:
+        return np.array([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + f[0] * g[2]])
+
+    along, width, across = 2 * x + y - one, one - y, 2 * y - one
+    square = times(width, width)
+    sides = [one, along]
+    for n in range(1, order):
+        sides.append(((2 * n + 1) * times(along, sides[n]) - n * times(square, sides[n - 1])) / (n + 1))
+    found = []
+    for i in range(order + 1):
+        a = 2 * i + 1
+        jacobi = [one, ((a + 2) * across + a * one) / 2]
+        for n in range(1, order - i):
+            m = 2 * n + a
+            ahead = (m + 1) * (m * (m + 2) * times(across, jacobi[n]) + a * a * jacobi[n])
+            jacobi.append(
+                (ahead - 2 * n * (n + a) * (m + 2) * jacobi[n - 1]) / (2 * (n + 1) * (n + a + 1) * m)
+            )
+        scale = np.sqrt(2 * i + 1)
+        found += [scale * np.sqrt(i + j + 1) * times(sides[i], jacobi[j]) for j in range(order + 1 - i)]
+    return np.array(found).swapaxes(0, 1)
 
 
 def areas(x: Array, cells: Indices) -> Array:

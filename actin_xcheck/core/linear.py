@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from math import isfinite, sqrt
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,11 +31,26 @@ of P4.
 ACCURACY = 1e-13
 """Relative residual at which an iteration stops."""
 
+ENOUGH = 1e-12
+"""The same where a solution near is known, for that is what it is: what is left is no better than its error."""
+
 POLISH = 1e-2
 """Of what is left then, the part that a second iteration leaves: round-off, as of a factorisation."""
 
 PATIENCE = 40
 """Iterations that cost as much as a factorisation."""
+
+
+class Operator(Protocol):
+    """A symmetric matrix that is applied without being there."""
+
+    def __matmul__(self, vector: Array) -> Array:
+        """Apply it to a vector (n,)."""
+        ...
+
+    def assembled(self) -> sp.csr_matrix:
+        """The matrix (n, n) by its entries."""
+        ...
 
 
 def solve(matrix: sp.spmatrix, rhs: Array) -> tuple[Array, Outcome]:
@@ -138,7 +155,11 @@ class SymmetricSolver:
                 children[int(np.searchsorted(starts, boundary[0], side="right")) - 1].append(number)
 
     def solve(
-        self, matrix: sp.csr_matrix, rhs: Array, near: "Preconditioner | None" = None
+        self,
+        matrix: "sp.csr_matrix | Operator",
+        rhs: Array,
+        near: "Preconditioner | None" = None,
+        start: Array | None = None,
     ) -> tuple[Array, Outcome]:
         """Like `linear.solve`, which takes over where the matrix is not positive definite.
 
@@ -146,10 +167,13 @@ class SymmetricSolver:
         ----------
         matrix, rhs : the system, (n, n) and (n,).
         near : of a matrix nearby: conjugate gradients then, as long as they are faster than a factorisation.
+        start : where these begin, (n,); at zero if it is not given.
         """
-        if near is not None and (solution := _iterated(matrix, rhs, near)) is not None:
+        if near is not None and (solution := _iterated(matrix, rhs, near, start)) is not None:
             WORK[SOLVES] += 1
             return solution, COMPLETED
+        if not sp.issparse(matrix):
+            matrix = matrix.assembled()
         solution, outcome = _checked(self._factorise, matrix, rhs)
         return (solution, outcome) if outcome.ok else solve(matrix, rhs)
 
@@ -199,26 +223,36 @@ class SymmetricSolver:
         return solution
 
 
-def _iterated(matrix: sp.csr_matrix, rhs: Array, near: "Preconditioner") -> Array | None:
+def _iterated(
+    matrix: sp.csr_matrix | Operator, rhs: Array, near: "Preconditioner", start: Array | None
+) -> Array | None:
     """Solve by conjugate gradients, refined once; None where a factorisation is faster, or needed."""
-    solution = _conjugate_gradients(matrix, rhs, near, ACCURACY)
-    if solution is None:
+    scale = sqrt(rhs @ rhs)
+    if scale == 0.0 or not isfinite(scale):
         return None
-    residual = rhs - matrix @ solution
-    correction = _conjugate_gradients(matrix, residual, near, POLISH)
-    if correction is not None:
+    solution, residual = (start, rhs - matrix @ start) if start is not None else (np.zeros_like(rhs), rhs)
+    # from zero a second iteration leaves round-off, as of a factorisation
+    for goal in (ACCURACY * scale, None) if start is None else (ENOUGH * scale,):
+        if goal is not None and sqrt(residual @ residual) <= goal:
+            continue
+        correction = _conjugate_gradients(matrix, residual, near, goal)
+        if correction is None:
+            if goal is not None:
+                return None
+            break
         solution = solution + correction
         residual = rhs - matrix @ solution
-    return solution if float(np.linalg.norm(residual)) <= TOLERANCE * float(np.linalg.norm(rhs)) else None
+    return solution if sqrt(residual @ residual) <= TOLERANCE * scale else None
 
 
 def _conjugate_gradients(
-    matrix: sp.csr_matrix, rhs: Array, near: "Preconditioner", accuracy: float
+    matrix: sp.csr_matrix | Operator, rhs: Array, near: "Preconditioner", goal: float | None
 ) -> Array | None:
-    """Reduce the residual to a part `accuracy` of what it is at first; None where that takes too long."""
-    scale = float(np.linalg.norm(rhs))
-    if scale == 0.0 or not np.isfinite(scale):
+    """Reduce the residual's norm to a goal, or to `POLISH` of what it is; None where that takes too long."""
+    scale = sqrt(rhs @ rhs)
+    if scale == 0.0 or not isfinite(scale):
         return None
+    goal = POLISH * scale if goal is None else goal
     solution, residual, direction = np.zeros_like(rhs), rhs.copy(), np.zeros_like(rhs)
     first = before = 1.0
     for count in range(PATIENCE):
@@ -237,7 +271,7 @@ def _conjugate_gradients(
         solution += product / curvature * direction
         residual -= product / curvature * image
         before = product
-        if float(np.linalg.norm(residual)) <= accuracy * scale:
+        if sqrt(residual @ residual) <= goal:
             return solution
     return None
 
@@ -265,9 +299,11 @@ class Preconditioner:
         for number, (diagonal, below) in enumerate(blocks):
             group, i = self._groups[place[number][0]], place[number][1]
             pivots, size = diagonal.shape[0], below.shape[0]
-            lower = np.tril(dpotri(diagonal, lower=1)[0])
-            group.inverse[i, :pivots, :pivots] = lower + np.tril(lower, -1).T
+            group.inverse[i, :pivots, :pivots] = dpotri(diagonal, lower=1)[0]  # its lower triangle
             group.coupling[i, :size, :pivots] = dtrsm(1.0, diagonal, below, side=1, lower=1)
+        for group in self._groups:
+            lower = np.tril(group.inverse)
+            group.inverse[:] = lower + np.tril(lower, -1).swapaxes(1, 2)
 
     def __call__(self, vector: Array) -> Array:
         """The inverse applied to a vector (n,)."""

@@ -1,8 +1,10 @@
 """A run that is as accurate as asked: finer and finer levels until what changes between them is small.
 
-Errors in time hardly depend on the mesh, so that the tolerance of a step is found on a coarse one, where it
-is cheap.  Then levels are climbed with it: elements rise in order, then cells are halved.  The change from
-one level to the next is the error of the coarser one, but for the little that is left in the finer.
+Elements rise in order on few cells, then cells are halved.  The change from one level to the next is the error of
+the coarser one, but for the little that is left in the finer.  The first two levels are those that a smooth
+scene needs, the second with a tenth of the tolerance, so that their change holds errors in time too.  Where it is too
+large, errors in time, which hardly depend on the mesh, are told apart on a coarse one, where it is cheap; the
+tolerance that they need then serves all finer levels.
 """
 
 import math
@@ -26,6 +28,9 @@ from actin_xcheck.scene.scene import Scene
 SHARE = 0.6
 """Of the last change, the part that may be left where nothing is known of how levels fall."""
 
+BOTH = 0.5
+"""The same where mesh and steps have become finer."""
+
 LEAST, WIDER = 0.1, 1.5
 """Of the last change, the part that is left at least; times what halving cells has left the last time."""
 
@@ -38,28 +43,29 @@ class AccuracyLevel:
     ----------
     method, refine : elements and mesh.
     rtol : tolerance of a step that suits them where no accuracy is asked for.
-    share : of the change to this level, the most that its own error is taken to be: 1.2 to 2.5 times the most
-        that was seen in 50 scenes whose finer levels are known; at refine 5 and on a ray none were.
+    worth : about the error of a smooth scene.
+    share : of the change to this level, the most that its own error is taken to be.
     """
 
     method: Method
     refine: int
     rtol: float
+    worth: float
     share: float
 
 
 LEVELS = (
-    AccuracyLevel(METHODS["fem-p2-imex3"], 2, 3e-4, math.nan),
-    AccuracyLevel(METHODS["fem-p3-imex4"], 2, 3e-5, SHARE),
-    AccuracyLevel(METHODS["fem-p4-imex4"], 2, 3e-6, SHARE),
-    AccuracyLevel(METHODS["fem-p4-imex4"], 3, 3e-7, 0.25),
-    AccuracyLevel(METHODS["fem-p4-imex4"], 4, 3e-8, 0.25),
-    AccuracyLevel(METHODS["fem-p4-imex4"], 5, 3e-9, 0.25),
+    AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 3e-4, SHARE),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 1, 1e-5, 2e-5, 0.25),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1e-6, 0.25),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.4),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 3, 1e-8, 1e-8, 0.25),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 4, 1e-9, 1e-9, 0.25),
 )
-"""Errors fall tenfold or more from one level to the next, least from P3 to P4 on one mesh."""
+"""Errors fall tenfold or more from one level to the next where a scene is smooth."""
 
 LEVELS_ON_A_RAY = tuple(
-    AccuracyLevel(METHODS["fem-p4-imex4"], refine, math.nan, SHARE) for refine in (2, 3, 4, 5)
+    AccuracyLevel(METHODS["fem-p4-imex4"], refine, math.nan, 0.0, SHARE) for refine in (2, 3, 4, 5)
 )
 """The same where the cell is axisymmetric: elements of degree 10 on a ray leave errors in time alone."""
 
@@ -176,14 +182,22 @@ class _Climb:
         """Run levels until one is accurate enough, or two fail alike; the run of the last is left."""
         before: Run | None = None
         failed: Run | None = None
-        for level in levels:
-            outcome, now = self._run(level, levels[-1].method.order_dt)
+        completed: list[AccuracyLevel] = []
+        for level in levels[_first_of(levels, self.accuracy) :]:
+            if len(completed) == 2:
+                self._find_tolerance(completed[0])
+            elif completed:
+                self.rtol *= FINER
+            outcome, now = self.solve(level.method, level.refine, self.rtol, self.path.name)
             estimate = math.nan
             if outcome.ok:
+                completed.append(level)
                 if before is not None:
-                    self.shares.append(SHARE if failed else self._share(level, now))
+                    told = len(completed) > 2 and not failed
+                    self.shares.append(self._share(level, now) if told else SHARE if failed else BOTH)
                     self.changes.append(self._change(before, now))
-                estimate = estimated(self.changes, self.shares) + self.in_time + self._neglected()
+                estimate = estimated(self.changes, self.shares) + self._neglected()
+                estimate += 0.0 if math.isnan(self.in_time) else self.in_time
                 self.runs[level.method.name, level.refine] = before = now
             reached = Delivered(
                 outcome, replace(level, rtol=self.rtol), self.reduction, estimate, tuple(self.changes)
@@ -193,26 +207,17 @@ class _Climb:
             failed = None if outcome.ok else now
         return reached
 
-    def _run(self, level: AccuracyLevel, order_dt: float) -> tuple[Outcome, Run]:
-        """Run a level; the first one whose steps are of the finest's order finds their tolerance too."""
-        comparable = level.method.order_dt == order_dt
-        rtol = self.rtol if comparable else level.rtol
-        outcome, now = self.solve(level.method, level.refine, rtol, self.path.name)
-        if outcome.ok and comparable and math.isnan(self.in_time):
-            now = self._find_tolerance(level, now)
-        return outcome, now
-
-    def _find_tolerance(self, level: AccuracyLevel, now: Run) -> Run:
-        """Tighten the tolerance until steps use up their part of the accuracy; return the run with it."""
-        finer = self.path.with_stem("finer")
+    def _find_tolerance(self, level: AccuracyLevel) -> None:
+        """Tighten the tolerance on a coarse level until steps use up their part of the accuracy."""
+        self.rtol = min(LOOSEST, self.accuracy)
+        _, now = self.solve(level.method, level.refine, self.rtol, "coarse.vtkhdf")
         while True:
-            outcome, better = self.solve(level.method, level.refine, FINER * self.rtol, finer.name)
+            outcome, better = self.solve(level.method, level.refine, FINER * self.rtol, "finer.vtkhdf")
             if not outcome.ok:
-                return now
+                return
             self.in_time = max(BERTH * self._change(now, better), OF_A_STEP * self.rtol)
             if self.in_time <= IN_TIME * self.accuracy or FINER**2 * self.rtol < TIGHTEST:
-                return now
-            os.replace(finer, self.path)
+                return
             self.rtol, now = FINER * self.rtol, better
 
     def _share(self, level: AccuracyLevel, now: Run) -> float:
@@ -228,6 +233,12 @@ class _Climb:
     def _neglected(self) -> float:
         """What linear modes leave out is the same on all levels: no change shows it."""
         return SMALL * self.accuracy if self.reduction.fidelity is Fidelity.MODAL else 0.0
+
+
+def _first_of(levels: Sequence[AccuracyLevel], accuracy: float) -> int:
+    """The level to begin with, by its number: the change from it to the next one is as small as it has to be."""
+    fit = (n for n, level in enumerate(levels) if SHARE * level.worth <= 0.9 * accuracy)
+    return min(next(fit, len(levels)), len(levels) - 2)
 
 
 def _alike(one: Run, other: Run) -> bool:

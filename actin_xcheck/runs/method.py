@@ -163,6 +163,7 @@ METHODS = {
         _imex(2, 3),
         _imex(3, 4),
         _imex(4, 4),
+        *(_imex(space, 5) for space in (5, 6, 7, 8)),
     )
 }
 

@@ -23,16 +23,16 @@ from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.known import Quantity
 from actin_xcheck.verdicts.orders import orders_lost_in_h, why_not
 
-REFINES = (1, 2, 3, 4, 5)
-"""Meshes of 64 to 16384 cells."""
+REFINES, FEW_REFINES = (1, 2, 3, 4, 5), (1, 2, 3)
+"""Meshes of 16 to 16384 cells; of elements above P4, which are in round-off on more than 1024."""
 
 FIXED_REFINE = 3
 """The mesh on which dt is refined, above P2 the next coarser one: what it leaves out does not matter."""
 
 FIXED_STEPS = (5, 10, 20, 40, 80, 160)
-"""Steps of a dt study over the whole time; 2/5 of them for pairs of order 4, which are in round-off else."""
+"""Steps of a dt study over the whole time; 2/5 of them for the pair of order 4, which is in round-off else."""
 
-COARSEST_STEPS = {1: 1, 2: 8, 3: 8, 4: 2}
+COARSEST_STEPS = {1: 1, 2: 8, 3: 8, 4: 2, 5: 8}
 """Steps on the coarsest mesh, by the order in time: a first-order scheme makes four times as many on the next
 one, and 256 on the finest; the others are so many that the error in space leads."""
 
@@ -195,11 +195,13 @@ def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[Level, ...]
     """The levels of a study, from the method's declared orders alone."""
     if refined is Refined.DT:
         refine = FIXED_REFINE - (method.space > 2)
-        return tuple(Level(refine, steps * 2 // 5 if method.order_dt > 3 else steps) for steps in FIXED_STEPS)
+        return tuple(
+            Level(refine, steps * 2 // 5 if method.order_dt == 4 else steps) for steps in FIXED_STEPS
+        )
     # an exhibit that stalls takes the steps of the second-order method it would be
     ratio = (method.order_h or 2) / method.order_dt
-    first = COARSEST_STEPS[int(method.order_dt)]
+    first, refines = COARSEST_STEPS[int(method.order_dt)], REFINES if method.space < 5 else FEW_REFINES
     if scene.expect.growth_rate:  # as many samples as its fit needs
         assert scene.mode is not None
         first = max(first, 5 if growth_rate(scene.physics, *scene.mode).imag else 2)
-    return tuple(Level(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in REFINES)
+    return tuple(Level(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in refines)

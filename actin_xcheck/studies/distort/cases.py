@@ -113,10 +113,10 @@ FAMILIES = {
 UNDISTORTED = "undistorted"
 """The family of the disk's own mesh, taken as if its origin were unknown."""
 
-LEVELS = {1: (3, 4), 2: (2, 3), 3: (2, 3), 4: (2, 3)}
-"""The two refinements, by the order of the elements; finite volumes count as P1."""
+LEVELS = (3, 4), (2, 3)
+"""The two refinements, of P1, as which finite volumes count, and of elements of higher order."""
 
-STEPS = {1: 64, 2: 32, 3: 24, 4: 24}
+STEPS = {1: 64, 2: 32, 3: 24, 4: 24, 5: 24}
 """Equal steps on the coarser mesh, by the order in time: errors in space lead.  On the finer one there are
 twice as many, four times by methods of first order."""
 
@@ -183,7 +183,7 @@ def cases_of(scene: Scene, method: Method, family: Family, severity: float) -> t
     """The runs of a method on one distortion: on the coarser and on the finer mesh."""
     key, number = (UNDISTORTED, 0.0) if severity == family.none else (family.key, severity)
     order = round(method.order_dt)
-    coarse, fine = LEVELS[method.space]
+    coarse, fine = LEVELS[method.space > 1]
     steps = STEPS[order], STEPS[order] * (4 if order == 1 else 2)
     return (
         Case(scene.text, method.name, key, number, coarse, steps[0]),
