@@ -1,4 +1,4 @@
-"""Lagrange elements P_k on the reference triangle, numbered as scikit-fem's, with Gauss-Lobatto nodes on edges.
+"""Lagrange elements P_k on the reference triangle, in scikit-fem's order, with Gauss-Lobatto nodes on edges.
 
 Uniform nodes are the same for k <= 2.  For larger k they would cost order twice: the area of a curved disk
 would converge at order 4 and 6 instead of 2 k for k = 3 and 4; and a closure that holds rim *nodes* to a

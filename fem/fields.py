@@ -1,8 +1,8 @@
 """P_k fields: integrals over the curved cell, material points in it, and how its fields are stored.
 
 They are stored by their values at equispaced nodes, in VTK's order (`lagrange.py`), which have counterparts
-among ours one by one.  It is the same polynomial; from k = 3 on its values there are sums, which round.  On an
-edge they follow from its k + 1 values there alone, so that both cells of an edge agree.
+among ours one by one.  It is the same polynomial; from k = 3 on its values there are sums, which round.  On
+an edge they follow from its k + 1 values there alone, so that both cells of an edge agree.
 """
 
 import numpy as np

@@ -163,7 +163,7 @@ class ForceBalance:
         return _System(self, x, moduli, load, dilation.min(axis=0))
 
     def matrix(self, x: Array, moduli: tuple[float, float]) -> sp.csr_matrix:
-        """The matrix (2 N, 2 N) of first eps(v) : eps(w) + second (div v)(div w), with the wall's friction."""
+        """The matrix (2 N, 2 N) of first eps(v) : eps(w) + second (div v)(div w), and the wall's friction."""
         if self._network is not None:
             return self._network.matrix(self.space.inside.at(x), moduli)
         entries = self.space.gradients.at(x).isotropic(moduli)

@@ -38,23 +38,26 @@ class CellRule:
     slopes: Array
     _last: list[Any] = field(default_factory=list, init=False, repr=False)
 
+    @property
+    def shared(self) -> bool:
+        """Whether all cells have the same basis values, so that BLAS serves all at once."""
+        return self.values.shape[2] == 1
+
     @cached_property
-    def tables(self) -> tuple[Array, Array] | None:
-        """Values (q, a) and slopes (i q, a) where all cells share them, so that BLAS serves all at once."""
-        if self.values.shape[2] > 1:
-            return None
+    def tables(self) -> tuple[Array, Array]:
+        """The values (q, a) and slopes (i q, a) that cells share."""
         slopes = self.slopes[..., 0].transpose(1, 2, 0)
         return np.ascontiguousarray(self.values[..., 0].T), slopes.reshape(-1, slopes.shape[2]).copy()
 
     def blend(self, local: Array) -> Array:
         """Values at the cells' own nodes (..., a, e) at the points, (..., q, e)."""
-        if self.tables is None:
+        if not self.shared:
             return np.einsum("aqe,...ae->...qe", self.values, local)
         return self.tables[0] @ local
 
     def differentiate(self, local: Array) -> Array:
-        """Slopes on the reference triangle, (..., i, q or 1, e), of values at the cells' nodes (..., a, e)."""
-        if self.tables is None:
+        """Slopes on the reference triangle, (..., i, q or 1, e), of values at cells' nodes (..., a, e)."""
+        if not self.shared:
             return np.einsum("aiqe,...ae->...iqe", self.slopes, local)
         flat = self.tables[1] @ local
         return flat.reshape(*flat.shape[:-2], 2, -1, flat.shape[-1])
@@ -70,7 +73,7 @@ class CellRule:
         return np.array([[y_s, -x_s], [-y_r, x_r]]) / determinant, determinant
 
     def at(self, x: Array) -> "CellSample":
-        """Return the points in the configuration x (2, N); the last one is remembered, for much asks for it."""
+        """Return the points in the configuration x (2, N); the last one is remembered: much asks for it."""
         if not (self._last and self._last[0] is x):
             inverse, determinant = self.inverted(self.tangent_map(x))
             self._last[:] = x, CellSample(self, inverse, self.weights * determinant)
@@ -153,7 +156,7 @@ class CellSample:
         if self.inverse.shape[2] == 1:
             weighted = weighted.sum(axis=-2, keepdims=True)
         pulled = (weighted[..., None, :, :, :] * self.inverse).sum(axis=-3)
-        if self.rule.tables is None:
+        if not self.rule.shared:
             return np.einsum("aiqe,...iqe->...ae", self.rule.slopes, pulled)
         return self.rule.tables[1].T @ pulled.reshape(*pulled.shape[:-3], -1, pulled.shape[-1])
 
@@ -163,7 +166,7 @@ class CellSample:
         return ((self.inverse[:, None] * self.inverse).sum(axis=2) * self.dx).reshape(2, 2, -1)
 
     def elasticity(self, moduli: tuple[float, float]) -> Array:
-        """The same for first eps(v) : eps(w) + second (div v)(div w), slopes by component, (i j, i' j', q e)."""
+        """The same for first eps(v) : eps(w) + second (div v)(div w), by component, (i j, i' j', q e)."""
         shear, bulk = moduli[0] / 2, moduli[1]
         products = (self.inverse * self.dx)[:, :, None, None] * self.inverse
         tensor = bulk * products.transpose(1, 0, 3, 2, 4, 5) + shear * products.transpose(3, 0, 1, 2, 4, 5)
@@ -174,7 +177,7 @@ class CellSample:
 
     def load(self, density: Array) -> Array:
         """The integral of density (q, e) against w in each cell, (a, e)."""
-        if self.rule.tables is None:
+        if not self.rule.shared:
             return np.einsum("aqe,qe->ae", self.rule.values, density * self.dx)
         return self.rule.tables[0].T @ (density * self.dx)
 

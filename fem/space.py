@@ -28,7 +28,7 @@ CUTS = np.array([[1, 0], [0, 1], [1, 1], [1, -1]])
 
 
 CELLWISE = 5
-"""Order from which on matrices are applied cell by cell: they have few zeros, and cells share basis values."""
+"""Order from which on matrices are applied cell by cell: they have few zeros, and basis values are shared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ class Space:
 
 
 def _numbered(triangles: Indices, count: int, order: int) -> Indices:
-    """Nodes (n_local, n_cells) of cells with so many vertices: theirs, then edge by edge, then cell by cell."""
+    """Nodes (n_local, n_cells) of cells on so many vertices: theirs, then edge by edge, cell by cell."""
     first, second = np.sort(triangles[np.array(EDGES).T], axis=0)
     edges, edge = np.unique(first * count + second, return_inverse=True)
     inner = (order - 1) * (order - 2) // 2
@@ -243,10 +243,10 @@ def _curved(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
 def _bent(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
     """Node positions (2, n_local, n_cells) in cells on few layers, for polynomials of high degree.
 
-    From the ring outwards radius and angle are linear in a cell.  Inside of it cells are straight, but for those
-    with a side on the ring, which the arc's departure from its chord bends: x (1 - x) q(x) on the side, it is
-    l m q((1 + m - l)/2) in the cell with l and m its ends' barycentric coordinates (Szabo and Babuska, Finite
-    Element Analysis, 1991, section 6.2).  All are entire functions: errors fall with the degree on any mesh.
+    From the ring outwards radius and angle are linear in a cell.  Inside of it cells are straight, but for
+    those with a side on the ring, which the arc's departure from its chord bends: x (1 - x) q(x) on the side,
+    it is l m q((1 + m - l)/2) in the cell with l and m its ends' barycentric coordinates (Szabo and Babuska,
+    Finite Element Analysis, 1991, section 6.2).  All are entire: errors fall with the degree on any mesh.
     """
     corners, shares = mesh.xi[:, triangles], lagrange(order).nodes
     radii, angles = np.hypot(*corners), np.arctan2(corners[1], corners[0])
@@ -258,13 +258,13 @@ def _bent(mesh: Mesh, triangles: Indices, ring: float, order: int) -> Array:
     nodes[..., outside] = (radius * np.array([np.cos(angle), np.sin(angle)]))[..., outside]
     for i, j in EDGES:
         bent = np.flatnonzero(on_ring[i] & on_ring[j] & ~outside)
-        l, m = shares[i][:, None], shares[j][:, None]
-        x = (1 + m - l) / 2
+        first, second = shares[i][:, None], shares[j][:, None]
+        x = (1 + second - first) / 2
         turn = np.remainder(angles[j] - angles[i] + np.pi, 2 * np.pi) - np.pi
         turned = (angles[i] + x * turn)[:, bent]
         chord = (1 - x) * corners[:, i][:, None, bent] + x * corners[:, j][:, None, bent]
         departure = ring * np.array([np.cos(turned), np.sin(turned)]) - chord
-        nodes[..., bent] += _ratio(l * m, x * (1 - x)) * departure
+        nodes[..., bent] += _ratio(first * second, x * (1 - x)) * departure
     return nodes
 
 

@@ -42,7 +42,7 @@ class Tableau:
 
     @cached_property
     def ahead(self) -> Array:
-        """What a stage's values are about, by those of the stages before: exact for parabolas, small, (s, s)."""
+        """What a stage's values are about, by those of the ones before: exact for parabolas, (s, s)."""
         weights = np.zeros((self.c.size, self.c.size))
         for i in range(1, self.c.size):
             powers = np.arange(min(i, 3))[:, None]

@@ -29,16 +29,12 @@ class TransportMatrices:
     @cached_property
     def mass(self) -> sp.csr_matrix | Operator:
         """M, (N, N)."""
-        if self.space.order >= CELLWISE:
-            return CellTransport(self, 1.0, 0.0)
-        return self.space.scalars.matrix(self.space.inside.at(self.x).mass())
+        return CellTransport(self, 1.0, 0.0) if self.space.order >= CELLWISE else self._mass
 
     @cached_property
     def stiffness(self) -> sp.csr_matrix | Operator:
         """K, (N, N)."""
-        if self.space.order >= CELLWISE:
-            return CellTransport(self, 0.0, 1.0)
-        return self.space.scalars.matrix(self.space.gradients.at(self.x).stiffness())
+        return CellTransport(self, 0.0, 1.0) if self.space.order >= CELLWISE else self._stiffness
 
     def combined(self, mass: float, diffusion: float) -> sp.csr_matrix | Operator:
         """A multiple of M plus one of K."""
@@ -48,11 +44,16 @@ class TransportMatrices:
 
     def assembled(self, mass: float, diffusion: float) -> sp.csr_matrix:
         """The same, entry by entry."""
-        space = self.space
-        if space.order >= CELLWISE:
-            inside = space.inside.at(self.x)
-            return space.scalars.matrix(mass * inside.mass() + diffusion * inside.stiffness())
-        return space.scalars.pattern.matrix(mass * self.mass.data + diffusion * self.stiffness.data)
+        data = mass * self._mass.data + diffusion * self._stiffness.data
+        return self.space.scalars.pattern.matrix(data)
+
+    @cached_property
+    def _mass(self) -> sp.csr_matrix:
+        return self.space.scalars.matrix(self.space.inside.at(self.x).mass())
+
+    @cached_property
+    def _stiffness(self) -> sp.csr_matrix:
+        return self.space.scalars.matrix(self.space.gradients.at(self.x).stiffness())
 
     def kept(self, a: Array, total: float) -> tuple[Array, Array]:
         """Shift a (N,) by what a solver has left of a total amount; also M a, whose sum that is."""
@@ -65,7 +66,7 @@ class TransportMatrices:
     def diagonal(self) -> Array:
         """Of M, (N,)."""
         if self.space.order < CELLWISE:
-            return self.mass.diagonal()
+            return np.asarray(self._mass.diagonal())
         squares = self.space.inside.values[..., 0] ** 2
         return self.space.scalars.vector(squares @ self.space.inside.at(self.x).dx)
 
@@ -98,9 +99,9 @@ class CellTransport:
 class TransportSolver:
     """Solves with multiples of M + s K, M and K of (B.22) in any configuration, s >= 0.
 
-    The same matrix in a configuration nearby preconditions it, with s rounded to a fourth of an octave, or to an
-    octave where iterations are cheap: few factorisations serve all steps, and what a solve returns depends on
-    its arguments alone.
+    The same matrix in a configuration nearby preconditions it, with s rounded to a fourth of an octave, or to
+    an octave where iterations are cheap: few factorisations serve all steps, and what a solve returns depends
+    on its arguments alone.
 
     Parameters
     ----------

@@ -288,7 +288,7 @@ LEVELS = {1: (4, 5), 2: (3, 4), 3: (3, 4), 4: (3, 4), 5: (2, 3), 6: (2, 3), 7: (
 
 
 def scatter_of(k):
-    """How far an observed order may be from k + 1: above P4 two meshes of few cells are all round-off leaves."""
+    """How far an observed order may be from k + 1: above P4 round-off leaves two meshes of few cells."""
     return 0.12 if k < 5 else 0.7
 
 

@@ -13,7 +13,6 @@ from numpy.polynomial.legendre import leggauss
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 
-
 TABLED = 19
 """Degree up to which the rule of fewest points is tabled."""
 
@@ -120,8 +119,8 @@ class Basis:
             slopes = np.array([[-1.0, -1], [1, 0], [0, 1]])
             values = np.array([1 - points[0] - points[1], points[0], points[1]])
             return values, np.repeat(slopes[..., None], points.shape[1], axis=2)
-        values, *slopes = self._change @ _modes(self.order, points)
-        return values, np.stack(slopes, axis=1)
+        found = self._change @ _modes(self.order, points)
+        return found[0], found[1:].swapaxes(0, 1)
 
 
 def _modes(order: int, points: Array) -> Array:

@@ -32,7 +32,7 @@ ACCURACY = 1e-13
 """Relative residual at which an iteration stops."""
 
 ENOUGH = 1e-12
-"""The same where a solution near is known, for that is what it is: what is left is no better than its error."""
+"""The same where a solution near is known, and a second iteration is not made."""
 
 POLISH = 1e-2
 """Of what is left then, the part that a second iteration leaves: round-off, as of a factorisation."""

@@ -1,10 +1,10 @@
 """A run that is as accurate as asked: finer and finer levels until what changes between them is small.
 
-Elements rise in order on few cells, then cells are halved.  The change from one level to the next is the error of
-the coarser one, but for the little that is left in the finer.  The first two levels are those that a smooth
-scene needs, the second with a tenth of the tolerance, so that their change holds errors in time too.  Where it is too
-large, errors in time, which hardly depend on the mesh, are told apart on a coarse one, where it is cheap; the
-tolerance that they need then serves all finer levels.
+Elements rise in order on few cells, then cells are halved.  The change from one level to the next is the error
+of the coarser one, but for the little that is left in the finer.  The first two levels are those that a smooth
+scene needs, the second with a tenth of the tolerance, so that their change holds errors in time too.  Where it
+is too large, errors in time, which hardly depend on the mesh, are told apart on a coarse one, where it is cheap;
+the tolerance that they need then serves all finer levels.
 """
 
 import math
@@ -236,7 +236,7 @@ class _Climb:
 
 
 def _first_of(levels: Sequence[AccuracyLevel], accuracy: float) -> int:
-    """The level to begin with, by its number: the change from it to the next one is as small as it has to be."""
+    """The number of the level to begin with: the change from it to the next one is small enough."""
     fit = (n for n, level in enumerate(levels) if SHARE * level.worth <= 0.9 * accuracy)
     return min(next(fit, len(levels)), len(levels) - 2)
 

@@ -24,13 +24,13 @@ from actin_xcheck.verdicts.known import Quantity
 from actin_xcheck.verdicts.orders import orders_lost_in_h, why_not
 
 REFINES, FEW_REFINES = (1, 2, 3, 4, 5), (1, 2, 3)
-"""Meshes of 16 to 16384 cells; of elements above P4, which are in round-off on more than 1024."""
+"""Meshes of 16 to 4096 cells; of elements above P4, which are in round-off on more than 256."""
 
 FIXED_REFINE = 3
 """The mesh on which dt is refined, above P2 the next coarser one: what it leaves out does not matter."""
 
 FIXED_STEPS = (5, 10, 20, 40, 80, 160)
-"""Steps of a dt study over the whole time; 2/5 of them for the pair of order 4, which is in round-off else."""
+"""Steps of a dt study over the whole time; 2/5 of them for the pair of order 4: the rest is round-off."""
 
 COARSEST_STEPS = {1: 1, 2: 8, 3: 8, 4: 2, 5: 8}
 """Steps on the coarsest mesh, by the order in time: a first-order scheme makes four times as many on the next
