@@ -1,10 +1,10 @@
 """A run that is as accurate as asked: finer and finer levels until what changes between them is small.
 
-Elements rise in order on few cells, then cells are halved.  The change from one level to the next is the error
-of the coarser one, but for the little that is left in the finer.  The first two levels are those that a smooth
-scene needs, the second with a tenth of the tolerance, so that their change holds errors in time too.  Where it
-is too large, errors in time, which hardly depend on the mesh, are told apart on a coarse one, where it is cheap;
-the tolerance that they need then serves all finer levels.
+Elements rise in order on few cells, then cells are halved.  The change from one level to the next is the
+error of the coarser one, but for the little that is left in the finer.  The first two levels are those that a
+smooth scene needs, the second with a tenth of the tolerance, so that their change holds errors in time too.
+Where it is too large, errors in time, which hardly depend on the mesh, are told apart on a coarse one, where
+it is cheap; the tolerance that they need then serves all finer levels.
 """
 
 import math
@@ -56,9 +56,10 @@ class AccuracyLevel:
 
 LEVELS = (
     AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 3e-4, SHARE),
-    AccuracyLevel(METHODS["fem-p8-imex5"], 1, 1e-5, 2e-5, 0.25),
-    AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1e-6, 0.25),
-    AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.4),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 1, 3e-5, 2e-4, BOTH),
+    AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 3e-5, 0.4),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1.5e-6, 0.25),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.25),
     AccuracyLevel(METHODS["fem-p8-imex5"], 3, 1e-8, 1e-8, 0.25),
     AccuracyLevel(METHODS["fem-p8-imex5"], 4, 1e-9, 1e-9, 0.25),
 )
@@ -187,7 +188,7 @@ class _Climb:
             if len(completed) == 2:
                 self._find_tolerance(completed[0])
             elif completed:
-                self.rtol *= FINER
+                self.rtol = _finer(self.rtol)
             outcome, now = self.solve(level.method, level.refine, self.rtol, self.path.name)
             estimate = math.nan
             if outcome.ok:
@@ -212,13 +213,13 @@ class _Climb:
         self.rtol = min(LOOSEST, self.accuracy)
         _, now = self.solve(level.method, level.refine, self.rtol, "coarse.vtkhdf")
         while True:
-            outcome, better = self.solve(level.method, level.refine, FINER * self.rtol, "finer.vtkhdf")
+            outcome, better = self.solve(level.method, level.refine, _finer(self.rtol), "finer.vtkhdf")
             if not outcome.ok:
                 return
             self.in_time = max(BERTH * self._change(now, better), OF_A_STEP * self.rtol)
             if self.in_time <= IN_TIME * self.accuracy or FINER**2 * self.rtol < TIGHTEST:
                 return
-            self.rtol, now = FINER * self.rtol, better
+            self.rtol, now = _finer(self.rtol), better
 
     def _share(self, level: AccuracyLevel, now: Run) -> float:
         """Of the change to a level, the part that is its own error, by what the last halving left."""
@@ -237,8 +238,13 @@ class _Climb:
 
 def _first_of(levels: Sequence[AccuracyLevel], accuracy: float) -> int:
     """The number of the level to begin with: the change from it to the next one is small enough."""
-    fit = (n for n, level in enumerate(levels) if SHARE * level.worth <= 0.9 * accuracy)
+    fit = (n for n, level in enumerate(levels) if BOTH * level.worth <= accuracy)
     return min(next(fit, len(levels)), len(levels) - 2)
+
+
+def _finer(rtol: float) -> float:
+    """The next tolerance, without digits that a product leaves."""
+    return float(f"{FINER * rtol:.3g}")
 
 
 def _alike(one: Run, other: Run) -> bool:
