@@ -187,7 +187,7 @@ class _Climb:
         for level in levels[_first_of(levels, self.accuracy) :]:
             if len(completed) == 2:
                 self._find_tolerance(completed[0])
-            elif completed:
+            elif len(completed) == 1:
                 self.rtol = _finer(self.rtol)
             outcome, now = self.solve(level.method, level.refine, self.rtol, self.path.name)
             estimate = math.nan
