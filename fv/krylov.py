@@ -54,11 +54,11 @@ class Operator:
         return self.two_point - self.scale * (self.from_vertices @ self.to_vertices)
 
 
-def factorise(matrix: sp.csr_matrix) -> Inverse | None:
-    """Return the solver of FiPy's symmetric matrix, or None where it has none."""
+def factorise(matrix: sp.csr_matrix, single: bool = False) -> Inverse | None:
+    """Return the solver of FiPy's symmetric matrix, perhaps in single precision; None where it has none."""
     try:
         factor = spl.splu(
-            matrix.tocsc(),
+            (matrix.astype(np.float32) if single else matrix).tocsc(),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             relax=1,  # columns of so little fill do not gather into blocks
@@ -68,6 +68,8 @@ def factorise(matrix: sp.csr_matrix) -> Inverse | None:
     except RuntimeError:
         return None
     WORK[FACTORISATIONS] += 1
+    if single:
+        return lambda rhs: factor.solve(rhs.astype(np.float32)).astype(np.float64)
     solve: Inverse = factor.solve
     return solve
 

@@ -152,8 +152,8 @@ class System:
         return self.two_point + sp.diags(np.bincount(self.ties.unknown, held, self.ties.size))
 
     def factor(self) -> krylov.Inverse | None:
-        """The inverse of the two-point part, or None where it has none."""
-        return krylov.factorise(self._preconditioning)
+        """The inverse of the two-point part, or None where it has none; it preconditions: six digits do."""
+        return krylov.factorise(self._preconditioning, single=True)
 
     def solve(
         self, load: Array, guess: Array, near: Callable[[], krylov.Inverse | None]
