@@ -64,7 +64,7 @@ class ReportAnswer(Answer):
 
     command: Literal[
         "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
-        "random", "predict report", "report",
+        "random", "coverage", "predict report", "report",
     ]  # fmt: skip
     page: str
     verdicts: dict[str, int] = {}

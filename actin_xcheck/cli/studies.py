@@ -308,6 +308,27 @@ def random(
     return random_scenes(int(f"{date.today():%Y%m%d}") if seed is None else seed, count, first)
 
 
+@study_command("coverage")
+def coverage(
+    methods: Methods = None,
+    seed: Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")] = None,
+    count: Annotated[int, typer.Option(help="Scenes to draw beside those that are known.", min=0)] = 0,
+) -> "Study":
+    """See how often a stated uncertainty covers the true error, and how far it is from it.
+
+    Scenes with exact solutions, exact modes and references, and COUNT that are drawn, by every method on a
+    ladder of meshes: some 50 s a scene.  Exit code 1 where more than one uncertainty in twenty is too small.
+    """
+    from datetime import date
+
+    from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.studies.coverage import STATING
+    from actin_xcheck.studies.coverage import coverage as study
+
+    chosen = find_methods(methods or STATING)
+    return study(int(f"{date.today():%Y%m%d}") if seed is None else seed, count, chosen)
+
+
 def sweep_command(
     file: Annotated[Path, typer.Argument(help="A TOML file of ranges over a scene, or of scenes.")],
     method: Annotated[list[str], typer.Option(help="May be given more than once.")],

@@ -36,6 +36,8 @@ class ClaimKind(StrEnum):
     INVARIANCE = "invariance"
     """What must not matter, as a turn, changes nothing."""
     TOLERANCE = "tolerance"
+    COVERAGE = "coverage"
+    """What is stated covers the true error."""
     ENDS = "ends"
     """A run ends, or a check comes to a verdict."""
     CONTROL = "control"

@@ -54,6 +54,7 @@ _SHARED = {
     ClaimKind.REDUCTION: Group.REDUCTIONS,
     ClaimKind.INVARIANCE: Group.REDUCTIONS,
     ClaimKind.TOLERANCE: Group.REDUCTIONS,
+    ClaimKind.COVERAGE: Group.AGREEMENT,
     ClaimKind.CONTROL: Group.CONTROLS,
     ClaimKind.CLEAN: Group.CONTROLS,
 }

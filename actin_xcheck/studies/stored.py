@@ -44,9 +44,9 @@ class Stored:
         return Task(run_stored, self, self.seconds, tuple(filter(None, (self.file, self.scene_file))))
 
 
-def companions_of(job: Stored) -> list[Stored]:
+def companions_of(job: Stored, most: int = COMPANIONS) -> list[Stored]:
     """Return the job with h doubled once, twice, ... as far as the mesh allows."""
-    return [_coarser(job, times) for times in range(1, COMPANIONS + 1) if job.numerics.refine > times]
+    return [_coarser(job, times) for times in range(1, most + 1) if job.numerics.refine > times]
 
 
 def _coarser(job: Stored, times: int) -> Stored:

@@ -1,0 +1,75 @@
+"""Uncertainties held against true errors: what counts, what is covered, and that a flattering one is seen."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from actin_xcheck.runs.method import find_method
+from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.coverage import Found, Ladder, Triplet, Truth, climb, coverage, true
+from actin_xcheck.studies.stored import Stored
+from actin_xcheck.studies.study import answered
+from actin_xcheck.verdicts import orders
+from tests.lab import scene_of
+
+
+def triplet(stated: float, error: float, method: str = "fem-p1-paper") -> Triplet:
+    return Triplet("s", method, 3, np.nan, "area", 1.0, stated, error, "")
+
+
+def test_a_study_counts_what_is_covered_and_by_how_much():
+    said = [triplet(2.0, 1.0), triplet(0.5, 1.0), triplet(9.0, 1.0), triplet(3.0, 1.0, "fv")]
+
+    def answers(tasks):
+        kinds = {task.answer for task in tasks}
+        assert kinds <= {Truth, Found}
+        if kinds == {Truth}:
+            return [Truth(1e-7)] * len(tasks)
+        return [Found(tuple(said)), *[Found(())] * (len(tasks) - 1)]
+
+    report = answered(coverage(3, 2, [find_method("fem-p1-paper"), find_method("fv")]), answers)
+    rows = {row.of: row for row in report.tables["methods"].rows}
+    assert (rows["all"].triplets, rows["all"].covered, rows["all"].median) == (4, 0.75, 2.5)
+    assert (rows["fv"].covered, rows["fv"].worst) == (1.0, pytest.approx(1 / 3))
+    assert [one.stated for one in report.tables["missed"].rows] == [0.5]
+    verdicts = {(one.quantity, one.methods): one.verdict for one in report.claims}
+    assert verdicts["missed", ()] == verdicts["missed", ("fem-p1-paper",)] == "FAIL"
+    assert verdicts["missed", ("fv",)] == verdicts["generous", ()] == "PASS"
+
+
+def test_scenes_whose_truth_broke_down_state_nothing():
+    asked = []
+
+    def answers(tasks):
+        asked.append(tasks)
+        return [Truth(np.nan)] * len(tasks) if tasks[0].answer is Truth else [Found((triplet(2, 1),))] * len(tasks)
+
+    answered(coverage(3, 4, [find_method("fv")]), answers)
+    scenes = {task.ask.finest.scene.name for task in asked[-1]}
+    assert not scenes & {task.ask.name for task in asked[0]}
+
+
+def test_a_ladder_with_an_exact_solution_is_covered_and_a_flattered_one_is_not(tmp_path: Path, monkeypatch):
+    scene = load_scene("manufactured-moving")
+    ladder = Ladder(Stored(scene, Numerics(find_method("fem-p2-imex3"), 4, 0.025), "run.vtkhdf"), "")
+    triplets = climb(ladder, tmp_path).triplets
+    assert {one.refine for one in triplets} == {4, 3}
+    assert {one.quantity for one in triplets} >= {"total_actin", "probe_a"}
+    assert all(one.covered for one in triplets), [one for one in triplets if not one.covered]
+    assert np.median([one.stated / one.error for one in triplets]) < 30
+    for name in ("ASYMPTOTIC", "ELSEWHERE"):
+        monkeypatch.setattr(orders, name, 0.1)
+    assert not all(one.covered for one in climb(ladder, tmp_path).triplets)
+
+
+@pytest.mark.slow
+def test_a_scene_whose_numbers_nobody_knows_is_held_against_a_run(tmp_path: Path):
+    scene = replace(scene_of("psi = 20\np = 0.3", a="1 + 0.1*cos(2*x)*cos(y)", end=0.1), name="unknown")
+    assert true(scene, tmp_path).estimate < 1e-6
+    ladder = Ladder(Stored(scene, Numerics(find_method("fem-p1-imex2"), 4, 0.01), "run.vtkhdf"), "truth--unknown.vtkhdf")
+    triplets = climb(ladder, tmp_path).triplets
+    assert {one.quantity for one in triplets} >= {"area", "total_actin"}
+    assert np.mean([one.covered for one in triplets]) > 0.9
