@@ -72,7 +72,7 @@ def sequence(exact, c, order, wrong=0.0):
 
 
 def test_a_pure_power_gives_a_quarter_more_than_its_error():
-    found, how = uncertainty(sequence(3.0, 1e-3, 2), 2, 4, similar=True, floor=0)
+    found, how, _ = uncertainty(sequence(3.0, 1e-3, 2), 2, 4, similar=True, floor=0)
     assert found == pytest.approx(1.25e-3)
     assert "observed order 2.00 of 2" in how
 
@@ -82,7 +82,7 @@ def test_a_pure_power_gives_a_quarter_more_than_its_error():
 def test_whatever_the_order_the_error_is_covered(order, wrong):
     """Errors of a method of order 2 may fall more slowly or faster; the next term is a tenth."""
     values = sequence(3.0, 1e-3, order, wrong * 1e-3)
-    found, _ = uncertainty(values, 2, 4, similar=True, floor=0)
+    found, *_ = uncertainty(values, 2, 4, similar=True, floor=0)
     assert abs(values[0][0] - 3.0) <= found
 
 
@@ -100,7 +100,7 @@ def test_errors_that_change_sign_are_no_small_errors():
 
 def test_rounded_steps_that_grow_too_little_are_allowed_for():
     """Twice the step, not four times, where an output interval held two steps: the error doubled only."""
-    found, _ = uncertainty([np.array([3 + 1e-3]), np.array([3 + 2e-3])], 2, 2, True, 0)
+    found, *_ = uncertainty([np.array([3 + 1e-3]), np.array([3 + 2e-3])], 2, 2, True, 0)
     assert found == pytest.approx(3e-3)
 
 
@@ -109,7 +109,7 @@ def test_errors_of_steps_that_all_levels_share_are_not_extrapolated_away():
     values = [np.array([total]) for total in (3.205341809146, 3.205341815964, 3.205341960090)]
     wrong = abs(values[0][0] - TRUE[0.1636]["total_actin"][0])
     assert uncertainty(values, 4, 16, True, 3e-12)[0] < wrong / 2
-    found, how = uncertainty(values, 4, 16, True, 3e-12, steps=7e-6)
+    found, how, _ = uncertainty(values, 4, 16, True, 3e-12, steps=7e-6)
     assert found == pytest.approx(7e-6, rel=1e-2)
     assert "errors of the steps 7.0e-06" in how
 
@@ -152,7 +152,7 @@ def test_uncertainties_cover_what_is_wrong_when_steps_are_chosen(method, refine,
     for t, quantities in TRUE.items():
         made = run.series["local_error"][1:][run.series["time"][1:] <= t].sum()
         for quantity, (true, known_to) in quantities.items():
-            (value,), found, _ = estimate(scene, levels, quantity, t)
+            (value,), found, *_ = estimate(scene, levels, quantity, t)
             assert abs(value - true) <= found + known_to
             without = estimate(scene, silent, quantity, t)[1]
             share = made * value * (2 if quantity == "area" else 1)  # of radii

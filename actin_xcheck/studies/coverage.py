@@ -218,7 +218,7 @@ def _triplets(scene: Scene, levels: Levels, truth: Run | None) -> Iterator[Tripl
             exact = _truth(scene, quantity, t, truth)
             if exact is None or not reaches(finest, t) or (quantity == "growth_rate" and not last):
                 continue
-            values, stated, how = estimate(scene, levels, quantity, t)
+            values, stated, how, _ = estimate(scene, levels, quantity, t)
             error = float(np.nanmax(np.abs(values - exact[0]), initial=0.0))
             trivial = error <= TRIVIAL * max(1.0, float(np.abs(values).max(initial=0.0)))
             if np.isfinite(stated) and not trivial and max(stated, error) > RESOLVED * exact[1]:

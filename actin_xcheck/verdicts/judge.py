@@ -352,7 +352,7 @@ def known_to(scene: Scene, levels: Sequence[Levels]) -> KnownTo:
 def _integral_error(scene: Scene, levels: Levels, quantity: str, t: float) -> float:
     if not reaches(levels.runs[0], t):
         return np.nan
-    values, error, _ = estimate(scene, levels, quantity, t)
+    values, error, *_ = estimate(scene, levels, quantity, t)
     theory = known(scene, quantity, t)
     if theory is not None and np.isfinite(theory.values[0]):
         error = float(abs(values[0] - theory.values[0])) + theory.uncertainty

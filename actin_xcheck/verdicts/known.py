@@ -42,11 +42,13 @@ def known(scene: Scene, quantity: str, t: float) -> Known | None:
     ----------
     scene : what was run.
     quantity : "area", "total_actin", "probe_a" (k,), "probe_x" (2 k,) or "growth_rate" (real part, and
-        frequency where there is one).
+        frequency where there is one); of others nothing is known.
     t : an output time.
     """
     if quantity == "growth_rate":
         return _mode(scene)
+    if quantity in ("centroid", "polarity"):
+        return None
     if quantity == "area" and scene.physics.closure is Closure.IRROTATIONAL_WALL and not scene.motion:
         return Known(np.array([np.pi]), "static disk", 0.0)
     for at in scene.expect.reference.at if scene.expect.reference else ():

@@ -306,8 +306,10 @@ CONFIRMED = 0.1
 
 def uncertainty(
     values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float, steps: float = 0.0
-) -> tuple[float, str]:
-    """The uncertainty of the first of two or three levels, and how it came about.
+) -> tuple[float, str, float]:
+    """The uncertainty of the first of two or three levels, how it came about, and the observed order.
+
+    The order is nan where there is none to observe.
 
     Parameters
     ----------
@@ -318,21 +320,21 @@ def uncertainty(
     floor : the round-off, which is added.
     steps : the errors of the steps in time, as the method estimates them, which are added too.
     """
-    size, how = _of_levels(values, order, ratio, similar, floor)
-    return size + steps + floor, how + (f", errors of the steps {steps:.1e}" if steps else "")
+    size, how, observed = _of_levels(values, order, ratio, similar, floor)
+    return size + steps + floor, how + (f", errors of the steps {steps:.1e}" if steps else ""), observed
 
 
 def _of_levels(
     values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float
-) -> tuple[float, str]:
+) -> tuple[float, str, float]:
     """The part that levels show."""
     fine, coarse = values[:2]
     change = float(np.abs(fine - coarse).max())
     if len(values) < 3:
-        return ELSEWHERE * change / (ratio - 1), f"Fs = {ELSEWHERE:g}, two levels of order {order:g}"
+        return ELSEWHERE * change / (ratio - 1), f"Fs = {ELSEWHERE:g}, two levels of order {order:g}", np.nan
     before = float(np.abs(coarse - values[2]).max())
     if max(change, before) <= floor:
-        return 0.0, "round-off"
+        return 0.0, "round-off", np.nan
     with np.errstate(divide="ignore"):
         observed = float(np.log2(before) - np.log2(change))
     confirmed = similar and abs(observed - order) <= CONFIRMED * order
@@ -340,4 +342,4 @@ def _of_levels(
     factor = ASYMPTOTIC if confirmed else ELSEWHERE
     largest = max(change, before / 2**order)
     how = f"Fs = {factor:g}, observed order {observed:.2f} of {order:g}"
-    return factor * largest / (ratio ** (power / order) - 1), how
+    return factor * largest / (ratio ** (power / order) - 1), how, observed

@@ -50,12 +50,15 @@ class Levels:
 
 @dataclass(frozen=True)
 class Corner:
-    """One corner's number: its uncertainty (nan where there is none) and how that came about."""
+    """One corner's number: its uncertainty (nan where there is none), how that came about, and the observed
+    order (nan where there is none).
+    """
 
     name: str
     value: float
     uncertainty: float
     how: str
+    order: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -156,6 +159,8 @@ def _names(scene: Scene, quantity: str) -> list[str]:
             mode = scene.expect.growth_rate
             parts = ("growth rate", "frequency")
             return [f"{part} of mode ({mode.m}, {mode.n})" for part in parts] if mode else []
+        case "centroid":
+            return ["x of the centroid", "y of the centroid"]
         case _:
             return [quantity.replace("_", " ")]
 
@@ -179,7 +184,7 @@ def corners_of(
         theory = known(scene, quantity, t)
         codes = [(one.family, *estimate(scene, one, quantity, t)) for one in levels]
         for i, name in enumerate(names[: len(codes[0][1])]):  # a mode need have no frequency
-            corners = [Corner(code, float(values[i]), spread, how) for code, values, spread, how in codes]
+            corners = [Corner(code, float(values[i]), *rest) for code, values, *rest in codes]
             if theory is not None and np.isfinite(theory.values[i]):
                 corners.append(_third(theory, i))
             yield name if quantity == "growth_rate" else f"{name} at t = {t:.4g}", tuple(corners)
@@ -193,8 +198,10 @@ def _third(theory: Known, i: int) -> Corner:
 # a code's number and its uncertainty
 
 
-def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str]:
-    """Values (k,) of the run as asked for, their one uncertainty (nan without one), and how it came about."""
+def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str, float]:
+    """Values (k,) of the run as asked for, their one uncertainty (nan without one), how it came about, and the
+    observed order (nan without one).
+    """
     values: list[Array] = []
     why = "it has no coarser run" if levels.method.order_h else "the method declares no order"
     for run in levels.runs:
@@ -208,10 +215,11 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
         values.append(found)
     if len(values) < 2:
         nothing = _measure(scene, levels.runs[0], quantity, t)
-        return nothing, np.nan, f"no uncertainty, for {why}"
+        return nothing, np.nan, f"no uncertainty, for {why}", np.nan
     ratio = _error_ratio(levels, t)
     if ratio <= 1:
-        return values[0], np.nan, f"no uncertainty, for a coarser run makes no longer steps up to t = {t:.4g}"
+        why = f"a coarser run makes no longer steps up to t = {t:.4g}"
+        return values[0], np.nan, f"no uncertainty, for {why}", np.nan
     similar, run = not quantity.startswith("probe"), levels.runs[0]
     size = max(1.0, float(np.abs(values[0]).max()))
     solved = SOLVED * (run.series["time"] <= t).sum()
@@ -254,7 +262,7 @@ def _measure(scene: Scene, run: Run, quantity: str, t: float) -> Array:
     if quantity == "growth_rate":
         return _rate(scene, run)
     value = np.asarray(run.row_at(t)[quantity], dtype=float)
-    return np.ravel(value @ turn_matrix(scene) if quantity == "probe_x" else value)
+    return np.ravel(value @ turn_matrix(scene) if quantity in ("probe_x", "centroid") else value)
 
 
 def _rate(scene: Scene, run: Run) -> Array:
@@ -350,7 +358,12 @@ def distance(one: Corner, other: Corner) -> float:
 
 
 def in_words(corner: Corner, known_to: float) -> str:
-    """Name, value and uncertainty, as far as two digits go of what it is known to; six where that is nan."""
+    """Name and number, see `in_digits`."""
+    return f"{corner.name} {in_digits(corner, known_to)}"
+
+
+def in_digits(corner: Corner, known_to: float) -> str:
+    """Value and uncertainty, as far as two digits go of what it is known to; six where that is nan."""
     digits = 6 if np.isnan(known_to) else min(max(1 - int(np.floor(np.log10(known_to))), 0), 10)
-    said = f"{corner.name} {round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
+    said = f"{round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
     return f"{said} ± {corner.uncertainty:.{digits}f}" if 0.5 * 10**-digits < corner.uncertainty else said

@@ -70,7 +70,7 @@ def _breakdown(
     """Of levels in h, and of runs with a larger tolerance, if any, each with the one on its mesh without."""
     order, times = METHODS[method].order_h, np.array([one.breakdown for one in levels])
     values = [times[i : i + 1] for i in range(len(times) - 1, -1, -1)][:3]
-    of_h, how = uncertainty(values, order, 2.0**order, True, levels[-1].rtol * float(times[-1]))
+    of_h, how, _ = uncertainty(values, order, 2.0**order, True, levels[-1].rtol * float(times[-1]))
     # an error estimate controlled to a tolerance leaves an error like its power p/(p + 1)
     power = METHODS[method].order_dt / (METHODS[method].order_dt + 1)
     of_steps = sum(
