@@ -152,6 +152,7 @@ def _say(words: str, report: "Report", page: Path, json: bool) -> None:
             "verdicts": verdicts,
             "findings": findings,
             "known_to_percent": report.known,
+            "values": [one.stated for one in report.values],
         }
     )
     conclude(answer, report.title, json)

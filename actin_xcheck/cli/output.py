@@ -59,6 +59,28 @@ class RunAnswer(Answer):
     """With --accuracy, the error that was reached."""
 
 
+class Stated(BaseModel):
+    """A number by one code or by theory; null where there is no uncertainty or no order to observe."""
+
+    value: float
+    uncertainty: float | None
+    observed_order: float | None
+
+
+class ScenesValue(BaseModel):
+    """A number of a scene at its end by every code, and by theory where that knows it."""
+
+    scene: str
+    quantity: str
+    words: str
+    by: dict[str, Stated]
+    """By method; theory under its name, such as "reference"."""
+    codes_agree_to_percent: float | None
+    theory_to_percent: float | None
+    digits: int
+    """How many of them to believe."""
+
+
 class ReportAnswer(Answer):
     """Commands that write a report."""
 
@@ -73,6 +95,8 @@ class ReportAnswer(Answer):
     """What is said of single ones: those that fail first of all."""
     known_to_percent: dict[str, dict[str, float | None]] = {}
     """Of `compare`, by scene: the largest error of area and of total actin; null where not known."""
+    values: tuple[ScenesValue, ...] = ()
+    """Of `compare`: what the scenes come to."""
 
 
 class FailedClaim(Answer):

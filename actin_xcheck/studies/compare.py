@@ -17,6 +17,7 @@ from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Ran, Stored, companions_of
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
+from actin_xcheck.verdicts.final import FinalValue, final_values, in_a_sentence
 from actin_xcheck.verdicts.judge import KnownTo, again, judge, known_to
 from actin_xcheck.verdicts.localise import Parting, localise, parted
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, triangulate
@@ -57,18 +58,23 @@ def compare(jobs: Sequence[Stored]) -> Study:
     partings, lent = yield from _localised(by_scene, found)
     runs += lent
     claims = tuple(claim for one in found for claim in one.claims)
+    finals = [one for each in found for one in each.finals]
     return Report(
         counted(claims, "claims hold"),
         _LEAD,
         {
+            "finals": Table(
+                "What the scenes come to", finals, "At the last output time that all runs reach."
+            ),
             "runs": Table("Runs", runs, _RUNS),
             "triangles": Table("Which corner is off?", [one for each in found for one in each.triangles]),
             "partings": Table("Where do they part?", [one for each in partings for one in each.partings]),
             "known_to": Table("Known to", [one.known for one in found], "Relative errors; nan: not known."),
         },
         claims,
-        (*(one.sentence for one in partings), *(one.known.sentence for one in found)),
+        (*(one.sentence for one in partings), *filter(None, (in_a_sentence(one.finals) for one in found))),
         links={one.place: one.file for one in runs},
+        values=finals,
         known={
             one.known.scene: {name: 100 * error for name, error in one.known.errors.items()} for one in found
         },
@@ -171,6 +177,7 @@ class Judged:
     claims: tuple[Claim, ...]
     triangles: tuple[Triangle, ...]
     known: KnownTo
+    finals: tuple[FinalValue, ...] = ()
     parted: tuple[tuple[str, str], ...] = ()
 
 
@@ -182,7 +189,13 @@ def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> Judged:
     triangles = triangulate(scene, levels)
     of_triangles = (one.claim(again(scene, *(runs[name] for name in one.methods))) for one in triangles)
     claims = (*judge(scene, runs), *of_triangles)
-    return Judged(claims, tuple(triangles), known_to(scene, levels), tuple(parted(triangles)))
+    return Judged(
+        claims=claims,
+        triangles=tuple(triangles),
+        known=known_to(scene, levels),
+        finals=tuple(final_values(scene, levels)),
+        parted=tuple(parted(triangles)),
+    )
 
 
 def _read(jobs: Sequence[Stored], folder: Path) -> Levels:
@@ -253,7 +266,7 @@ class Comparison:
     path, attributes : its file, and what that states about the whole.
     claims : what was judged.
     runs : those that were asked for, by "scene/method".
-    triangles, partings, known : see `Judged` and `Localised`, of all scenes.
+    triangles, partings, known, finals : see `Judged` and `Localised`, of all scenes.
     """
 
     path: Path
@@ -263,6 +276,7 @@ class Comparison:
     triangles: tuple[Triangle, ...]
     partings: tuple[Parting, ...]
     known: tuple[KnownTo, ...]
+    finals: tuple[FinalValue, ...]
 
 
 def read_comparison(path: Path) -> Comparison:
@@ -274,8 +288,9 @@ def read_comparison(path: Path) -> Comparison:
         attributes, claims = dict(file.attrs), tuple(read_claims(file))
         rows = read_table(file["tables/runs"], RunRow)
         triangles = read_table(file["tables/triangles"], Triangle)
-        # of a comparison that was made before it said where codes part there are none
+        # comparisons that were made before they had these tables have none
         partings = read_table(file["tables/partings"], Parting) if "tables/partings" in file else []
+        finals = read_table(file["tables/finals"], FinalValue) if "tables/finals" in file else []
         known = read_table(file["tables/known_to"], KnownTo)
         links = {
             f"{row.scene}/{row.method}": file.get(row.place, getlink=True).filename
@@ -295,6 +310,7 @@ def read_comparison(path: Path) -> Comparison:
         triangles=tuple(triangles),
         partings=tuple(partings),
         known=tuple(known),
+        finals=tuple(finals),
     )
 
 

@@ -13,15 +13,16 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import CAVEATS
 from actin_xcheck.report.draw import Drawing, draw
-from actin_xcheck.report.exhibits import Intervals, Line, Plot
+from actin_xcheck.report.exhibits import Intervals, Line, Plot, Sheet
 from actin_xcheck.report.figure import STYLES, Style
 from actin_xcheck.report.film import FilmStrip, film_data, film_strip
 from actin_xcheck.report.page import environment, put_page
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare import Comparison, read_comparison
+from actin_xcheck.verdicts.final import FinalValue, in_a_sentence, percent
 from actin_xcheck.verdicts.localise import Parting
-from actin_xcheck.verdicts.triangulate import Corner, Triangle
+from actin_xcheck.verdicts.triangulate import Corner, Triangle, in_digits
 
 _INK = -1
 """The style of what no method drew."""
@@ -41,6 +42,8 @@ class _Section:
     strip: FilmStrip
     film: dict[str, Any]
     right: int
+    sentence: str
+    values: Drawing | None
     charts: tuple[Drawing, ...]
     triangles: tuple[tuple[Triangle, Drawing | None], ...]
     partings: tuple[tuple[Parting, Drawing | None], ...]
@@ -83,6 +86,7 @@ def write_comparison_page(path: Path) -> Path:
     html = environment(path.parent).get_template("page.html")
     text = html.render(
         known=comparison.known,
+        matrix=_matrix(comparison),
         attributes=comparison.attributes,
         claims=_grouped(comparison),
         failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
@@ -101,24 +105,12 @@ def _sections(comparison: Comparison) -> list[_Section]:
     for run in comparison.runs.values():
         by_scene.setdefault(run.attributes["scene_name"], []).append(run)
     return [
-        _section(
-            i,
-            name,
-            sorted(runs, key=_rank),
-            [one for one in comparison.triangles if one.scene == name],
-            [one for one in comparison.partings if one.scene == name],
-        )
+        _section(comparison, i, name, sorted(runs, key=_rank))
         for i, (name, runs) in enumerate(by_scene.items(), 1)
     ]
 
 
-def _section(
-    number: int,
-    name: str,
-    runs: Sequence[Run],
-    triangles: Sequence[Triangle],
-    partings: Sequence[Parting],
-) -> _Section:
+def _section(comparison: Comparison, number: int, name: str, runs: Sequence[Run]) -> _Section:
     for run in runs:
         _stated(run, "method")
         if not run.series or not len(run.times):
@@ -128,18 +120,90 @@ def _section(
     strip = film_strip(runs)
     finite_volumes = (i for i, run in enumerate(runs) if i and run.family == "fv")
     numbers = {name: i for i, name in enumerate(styles)}
+    finals = [one for one in comparison.finals if one.scene == name]
     return _Section(
-        number,
-        name,
-        scene,
-        tuple(zip(runs, styles.values(), strict=True)),
-        strip,
-        film_data(runs, strip),
-        next(finite_volumes, len(runs) - 1),
-        tuple(charts(runs)),
-        tuple((one, _drawn(_triangle(one, numbers), "triangles")) for one in triangles),
-        tuple((one, _drawn(_parting(one, numbers), "partings")) for one in partings),
+        number=number,
+        name=name,
+        scene=scene,
+        runs=tuple(zip(runs, styles.values(), strict=True)),
+        strip=strip,
+        film=film_data(runs, strip),
+        right=next(finite_volumes, len(runs) - 1),
+        sentence=in_a_sentence(finals),
+        values=_values(finals),
+        charts=tuple(charts(runs)),
+        triangles=tuple(
+            (one, _drawn(_triangle(one, numbers), "triangles"))
+            for one in comparison.triangles
+            if one.scene == name
+        ),
+        partings=tuple(
+            (one, _drawn(_parting(one, numbers), "partings"))
+            for one in comparison.partings
+            if one.scene == name
+        ),
     )
+
+
+def _values(finals: Sequence[FinalValue]) -> Drawing | None:
+    """What a scene comes to, as a table; None where its runs have no output time in common."""
+    if not finals:
+        return None
+    theory = next((one.theory.name for one in finals if one.theory), "")
+    head = ("", *finals[0].methods, *filter(None, (theory,)), "codes agree to", "believe")
+    rows = [
+        (
+            one.place,
+            *(_in_a_cell(code, one) for code in one.codes),
+            *([f"{one.theory.value:.10g}" if one.theory else ""] if theory else []),
+            percent(one.apart) if one.methods[1:] else "",
+            one.believe,
+        )
+        for one in finals
+    ]
+    title = f"What it comes to{finals[0].words.removeprefix(finals[0].place)}"
+    return draw(Sheet("values", title, _UNCERTAIN, (head, *rows)), "/tables/finals")
+
+
+def _in_a_cell(code: Corner, value: FinalValue) -> str:
+    """A number, its uncertainty, relative too, and the observed order of what is one number."""
+    said = in_digits(code, code.uncertainty)
+    if "±" in said:
+        said += f" ({percent(code.uncertainty / value.size)})"
+    return said if np.isnan(code.order) or not value.is_one else f"{said}, order {code.order:.2f}"
+
+
+_UNCERTAIN = (
+    "Uncertainties are of Richardson's extrapolation from coarser runs of the same method; believed are the "
+    "digits in which codes agree with theory or, where there is none, with each other and are sure."
+)
+
+
+@dataclass(frozen=True)
+class _Margin:
+    """How the claims of a kind about a scene came out, and the value of the worst over its bound."""
+
+    verdict: str
+    ratio: float
+
+
+def _matrix(comparison: Comparison) -> tuple[list[str], dict[str, list[_Margin | None]]]:
+    """The kinds of claims, and by scene what came of each kind; None where nothing was claimed."""
+    kinds = list(dict.fromkeys(str(claim.kind) for claim in comparison.claims))
+    return kinds, {
+        scene: [_margin([claim for claim in claims if claim.kind == kind]) for kind in kinds]
+        for scene, claims in _grouped(comparison).items()
+    }
+
+
+def _margin(claims: Sequence[Claim]) -> _Margin | None:
+    """The worst of claims that are judged, of the others where none is."""
+    judged = [claim for claim in claims if claim.judged]
+    if not judged:
+        return _Margin("NOT JUDGED", np.nan) if claims else None
+    ratios = [claim.value / claim.bound if claim.bound else np.inf * claim.value for claim in judged]
+    verdict = "PASS" if all(claim.holds for claim in judged) else "FAIL"
+    return _Margin(verdict, float(np.fmax.reduce(ratios, initial=0.0)))
 
 
 def _drawn(exhibit: Intervals | None, table: str) -> Drawing | None:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 import h5py
 
@@ -30,6 +30,9 @@ from actin_xcheck.runs.provenance import ONE_AT_A_TIME, check_code, code, proven
 from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import state, writing
 from actin_xcheck.studies.journal import FILE_NAME, Journal, files_in, key_of, reports_in, stated
+
+if TYPE_CHECKING:
+    from actin_xcheck.verdicts.final import FinalValue
 
 PAGE = "index.html"
 
@@ -107,7 +110,7 @@ class Report:
     chapters : what is drawn.
     links : files of the study's folder, such as runs, by the place in its file where they are linked.
     verdicts : how many of what it judges came out how, where its claims do not say that.
-    known : the command's `known_to_percent` in JSON, see `cli.output.ReportAnswer`.
+    known, values : the command's `known_to_percent` and `values` in JSON, see `cli.output.ReportAnswer`.
     command : what makes it again, where the one that was typed does not say all of that, such as a seed.
     """
 
@@ -120,6 +123,7 @@ class Report:
     links: Mapping[str, str] = field(default_factory=dict)
     verdicts: Mapping[str, int] = field(default_factory=dict)
     known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    values: Sequence["FinalValue"] = ()
     command: str = ""
 
 

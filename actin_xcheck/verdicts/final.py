@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,22 @@ class FinalValue:
     def size(self) -> float:
         """What errors are relative to: of integrals the number itself, of others nothing smaller than 1."""
         size = abs(self.corners[-1].value)
-        return size if self.quantity in (*WHOLE, "growth_rate") else max(size, 1.0)
+        return size if self.is_one else max(size, 1.0)
+
+    @property
+    def is_one(self) -> bool:
+        """Whether it is one number of the whole cell, not one of many that have an uncertainty in common."""
+        return self.quantity in (*WHOLE, "growth_rate")
+
+    @property
+    def place(self) -> str:
+        """The quantity and its place, without the time."""
+        return self.words.partition(" at t = ")[0]
+
+    @property
+    def believe(self) -> str:
+        """How many digits to believe, in words."""
+        return f"{self.digits or 'no'} digit{'s'[: self.digits != 1]}"
 
     @property
     def apart(self) -> float:
@@ -65,7 +81,7 @@ class FinalValue:
 
     @property
     def digits(self) -> int:
-        """How many digits there are to believe: those in which codes and theory agree, and of which all are sure."""
+        """How many digits to believe: those in which codes and theory agree and, without it, all are sure."""
         errors = [error for error in (self.apart, self.off) if not np.isnan(error)]
         if self.theory is None:
             errors.append(self.unsure)
@@ -73,10 +89,34 @@ class FinalValue:
         return 0 if np.isnan(worst) else int(np.clip(-np.log10(max(worst, 1e-12)), 0, 12))
 
     @property
+    def stated(self) -> dict[str, Any]:
+        """The same as plain values, see `cli.output.ScenesValue`."""
+        names = [*self.methods, *(one.name for one in self.corners[len(self.methods) :])]
+        return {
+            "scene": self.scene,
+            "quantity": self.quantity,
+            "words": self.words,
+            "by": {
+                name: {
+                    "value": one.value,
+                    "uncertainty": one.uncertainty,
+                    "observed_order": one.order,
+                }
+                for name, one in zip(names, self.corners, strict=True)
+            },
+            "codes_agree_to_percent": 100 * self.apart,
+            "theory_to_percent": 100 * self.off,
+            "digits": self.digits,
+        }
+
+    @property
     def sentence(self) -> str:
         """The number, how well the codes agree on it, and with theory."""
         best = min(self.codes, key=lambda code: np.inf if np.isnan(code.uncertainty) else code.uncertainty)
-        said = [f"{self.quantity.replace('_', ' ')} {in_digits(best, best.uncertainty)}"]
+        known = (
+            f" ({percent(best.uncertainty / self.size)})" if best.uncertainty >= 0 else " of no uncertainty"
+        )
+        said = [f"{self.place} {in_digits(best, best.uncertainty)}{known}"]
         if self.methods[1:]:
             beyond = self.apart * self.size > sum(code.uncertainty for code in self.codes)
             said.append(f"the codes {'part by' if beyond else 'agree to'} {percent(self.apart)}")
@@ -103,13 +143,16 @@ def final_values(scene: Scene, levels: Sequence[Levels]) -> list[FinalValue]:
 
 
 def in_a_sentence(values: Sequence[FinalValue]) -> str:
-    """What the integrals of a scene come to, and how many of their digits to believe; empty without any."""
-    whole = [value for value in values if value.quantity in WHOLE]
+    """What a scene comes to, and how many digits to believe; empty without any.
+
+    Of a mode that is the rate at which it grows, of other scenes the integrals over the cell.
+    """
+    whole = [value for value in values if value.quantity == "growth_rate"]
+    whole = whole or [value for value in values if value.quantity in WHOLE]
     if not whole:
         return ""
-    digits = min(value.digits for value in whole)
-    believe = f"believe {digits} digit{'s'[: digits != 1]}" if digits else "believe no digit"
-    return f"{whole[0].scene}: {'; '.join(value.sentence for value in whole)}: {believe}"
+    least = min(whole, key=lambda value: value.digits)
+    return f"{whole[0].scene}: {'; '.join(value.sentence for value in whole)}: believe {least.believe}"
 
 
 def percent(share: float) -> str:

@@ -326,15 +326,6 @@ class KnownTo:
         """Whether all integrals are known to 1 % or better."""
         return all(error <= WELL for error in self.errors.values())
 
-    @property
-    def sentence(self) -> str:
-        """In percent, for a reader."""
-        said = (
-            f"{name.replace('_', ' ')} {'not known' if np.isnan(error) else f'known to {100 * error:.2g} %'}"
-            for name, error in self.errors.items()
-        )
-        return f"{self.scene}: {', '.join(said)}"
-
 
 def known_to(scene: Scene, levels: Sequence[Levels]) -> KnownTo:
     """To what a scene's integrals are known by its runs.

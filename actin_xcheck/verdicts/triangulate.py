@@ -184,7 +184,10 @@ def corners_of(
         theory = known(scene, quantity, t)
         codes = [(one.family, *estimate(scene, one, quantity, t)) for one in levels]
         for i, name in enumerate(names[: len(codes[0][1])]):  # a mode need have no frequency
-            corners = [Corner(code, float(values[i]), *rest) for code, values, *rest in codes]
+            corners = [
+                Corner(code, float(values[i]), spread, how, order)
+                for code, values, spread, how, order in codes
+            ]
             if theory is not None and np.isfinite(theory.values[i]):
                 corners.append(_third(theory, i))
             yield name if quantity == "growth_rate" else f"{name} at t = {t:.4g}", tuple(corners)
@@ -199,8 +202,9 @@ def _third(theory: Known, i: int) -> Corner:
 
 
 def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str, float]:
-    """Values (k,) of the run as asked for, their one uncertainty (nan without one), how it came about, and the
-    observed order (nan without one).
+    """Values (k,) of the run as asked for, their one uncertainty, how it came about, and the observed order.
+
+    Uncertainty and order are nan where there is none.
     """
     values: list[Array] = []
     why = "it has no coarser run" if levels.method.order_h else "the method declares no order"

@@ -1,0 +1,81 @@
+"""What a scene comes to: values, agreement and the digits to believe, in words and in JSON."""
+
+import json
+
+import numpy as np
+import pytest
+
+from actin_xcheck.cli.app import main
+from actin_xcheck.verdicts.final import FinalValue, in_a_sentence
+from actin_xcheck.verdicts.triangulate import Corner
+
+FEM, FV = Corner("FEM", 3.2018, 0.0014, "", 1.98), Corner("FV", 3.2008, 0.0017, "", 2.1)
+REFERENCE = Corner("reference", 3.2020, 1e-9, "")
+
+
+def value(*corners: Corner, quantity: str = "area") -> FinalValue:
+    methods = tuple(f"{one.name.lower()}-x" for one in corners if one.name != "reference")
+    return FinalValue("s", methods, quantity, f"{quantity} at t = 1", corners)
+
+
+@pytest.mark.parametrize(
+    ("corners", "digits", "said"),
+    [
+        (
+            (FEM, FV, REFERENCE),
+            3,
+            "area 3.2018 ± 0.0014 (0.044 %), the codes agree to 0.031 %, reference to 0.037 %",
+        ),
+        ((FEM, FV), 3, "area 3.2018 ± 0.0014 (0.044 %), the codes agree to 0.031 %"),
+        ((FEM, Corner("FV", 3.3, 0.001, "")), 1, "area 3.3000 ± 0.0010 (0.03 %), the codes part by 3 %"),
+        ((FEM,), 3, "area 3.2018 ± 0.0014 (0.044 %)"),
+        ((Corner("FEM", 3.2, np.nan, "none"),), 0, "area 3.200000 of no uncertainty"),
+        (
+            (Corner("FEM", 3.2, 2.0, ""), Corner("FV", 3.2, 2.0, "")),
+            0,
+            "area 3.2 ± 2.0 (62 %), the codes agree to round-off",
+        ),
+    ],
+)
+def test_digits_are_believed_as_far_as_codes_and_theory_agree(corners, digits, said):
+    found = value(*corners)
+    assert found.digits == digits
+    assert found.sentence == said
+    assert in_a_sentence([found]).startswith(f"s: {said}: believe {digits or 'no'} digit")
+
+
+def test_of_a_mode_the_growth_is_said_and_of_nothing_nothing():
+    assert "growth_rate" in in_a_sentence([value(FEM), value(FEM, quantity="growth_rate")])
+    assert "area" not in in_a_sentence([value(FEM), value(FEM, quantity="growth_rate")])
+    assert in_a_sentence([]) == ""
+
+
+def test_a_comparison_says_values_first_in_terminal_page_and_json(tmp_path, monkeypatch, capsys):
+    words = [
+        "compare",
+        "static-decay",
+        "--refine",
+        "2",
+        "--dt",
+        "0.1",
+        "--out",
+        str(tmp_path / "c"),
+        "--quiet",
+    ]
+    said = []
+    for more in ([], ["--json"]):
+        monkeypatch.setattr("sys.argv", ["actin_xcheck", *words, *more])
+        with pytest.raises(SystemExit):
+            main()
+        said.append(capsys.readouterr().out)
+    assert said[0].startswith("static-decay: area ")
+    values = {one["quantity"]: one for one in json.loads(said[1])["values"]}
+    area = values["area"]["by"]
+    exact = area.pop("exact solution")
+    assert exact["value"] == pytest.approx(np.pi)
+    assert len(area) == 2
+    for one in area.values():
+        assert abs(one["value"] - np.pi) <= one["uncertainty"]
+        assert 1.5 < one["observed_order"] < 2.5 if one["observed_order"] else True
+    page = (tmp_path / "c/index.html").read_text()
+    assert page.index("believe") < page.index("Verdict") < page.index("What it comes to")
