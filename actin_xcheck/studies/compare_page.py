@@ -186,6 +186,11 @@ class _Margin:
     verdict: str
     ratio: float
 
+    @property
+    def said(self) -> str:
+        """The verdict of several claims."""
+        return {"PASS": "all hold", "FAIL": "not all hold"}.get(self.verdict, "not judged")
+
 
 def _matrix(comparison: Comparison) -> tuple[list[str], dict[str, list[_Margin | None]]]:
     """The kinds of claims, and by scene what came of each kind; None where nothing was claimed."""
