@@ -24,6 +24,7 @@ from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge import converge
 from actin_xcheck.studies.converge.plan import Level as Mesh
 from actin_xcheck.studies.converge.plan import Refined, Refinement, refinements_of
+from actin_xcheck.studies.coverage import coverage
 from actin_xcheck.studies.distort import distort
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.extremes import extremes
@@ -36,7 +37,7 @@ from actin_xcheck.studies.journal import stated
 from actin_xcheck.studies.random_scenes import Checked, Drawn, random_scenes
 from actin_xcheck.studies.study import Report, Study
 from tests.claims import claim
-from tests.lab import FEM, FV
+from tests.lab import FEM, FV, scene_of
 from tests.studies import carry
 
 P1_IMEX, P2_IMEX = "fem-p1-imex2", "fem-p2-imex3"
@@ -115,6 +116,12 @@ SMALL: dict[str, Callable[[], Study]] = {
     "faults": lambda: hunt([FAULTS["fv-leak"], NOTHING], [STILL]),
     "paper": lambda: paper(["fig20a", "eq3.7"], said=True),
     "predict": theory.atlas,
+    "coverage": lambda: coverage(
+        [load_scene("static-decay"), scene_of("psi = 20\np = 0.3", a="1 + 0.1*x*(3 - r**2)", end=0.1)],
+        [METHODS[P1_IMEX]],
+        "coverage",
+        finest={1: 3},
+    ),
     "random": lambda: random_scenes(3, 3),
 }
 """By the name of the study's file."""

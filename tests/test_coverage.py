@@ -1,6 +1,5 @@
 """Uncertainties held against true errors: what counts, what is covered, and that a flattering one is seen."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.coverage import Found, Ladder, Triplet, Truth, climb, coverage, true
+from actin_xcheck.studies.coverage import Found, Ladder, Triplet, Truth, climb, coverage, drawn, true
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.studies.study import answered
 from actin_xcheck.verdicts import orders
@@ -30,7 +29,8 @@ def test_a_study_counts_what_is_covered_and_by_how_much():
             return [Truth(1e-7)] * len(tasks)
         return [Found(tuple(said)), *[Found(())] * (len(tasks) - 1)]
 
-    report = answered(coverage(3, 2, [find_method("fem-p1-paper"), find_method("fv")]), answers)
+    methods = [find_method("fem-p1-paper"), find_method("fv")]
+    report = answered(coverage([load_scene("static-decay"), *drawn(3, 2)], methods, "coverage"), answers)
     rows = {row.of: row for row in report.tables["methods"].rows}
     assert (rows["all"].triplets, rows["all"].covered, rows["all"].median) == (4, 0.75, 2.5)
     assert (rows["fv"].covered, rows["fv"].worst) == (1.0, pytest.approx(1 / 3))
@@ -51,7 +51,7 @@ def test_scenes_whose_truth_broke_down_state_nothing():
             else [Found((triplet(2, 1),))] * len(tasks)
         )
 
-    answered(coverage(3, 4, [find_method("fv")]), answers)
+    answered(coverage([load_scene("static-decay"), *drawn(3, 4)], [find_method("fv")], "coverage"), answers)
     scenes = {task.ask.finest.scene.name for task in asked[-1]}
     assert not scenes & {task.ask.name for task in asked[0]}
 
@@ -71,10 +71,11 @@ def test_a_ladder_with_an_exact_solution_is_covered_and_a_flattered_one_is_not(t
 
 @pytest.mark.slow
 def test_a_scene_whose_numbers_nobody_knows_is_held_against_a_run(tmp_path: Path):
-    scene = replace(scene_of("psi = 20\np = 0.3", a="1 + 0.1*cos(2*x)*cos(y)", end=0.1), name="unknown")
+    scene = scene_of("psi = 20\np = 0.3", a="1 + 0.1*x*(3 - r**2)", end=0.1)
     assert true(scene, tmp_path).estimate < 1e-6
     ladder = Ladder(
-        Stored(scene, Numerics(find_method("fem-p1-imex2"), 4, 0.01), "run.vtkhdf"), "truth--unknown.vtkhdf"
+        Stored(scene, Numerics(find_method("fem-p1-imex2"), 4, 0.01), "run.vtkhdf"),
+        f"truth--{scene.name}.vtkhdf",
     )
     triplets = climb(ladder, tmp_path).triplets
     assert {one.quantity for one in triplets} >= {"area", "total_actin"}

@@ -322,11 +322,14 @@ def coverage(
     from datetime import date
 
     from actin_xcheck.runs.method import find_methods
-    from actin_xcheck.studies.coverage import STATING
+    from actin_xcheck.runs.numerics import command as typed
+    from actin_xcheck.scene.scene import load_scenes
+    from actin_xcheck.studies.coverage import KNOWN, STATING, drawn
     from actin_xcheck.studies.coverage import coverage as study
 
-    chosen = find_methods(methods or STATING)
-    return study(int(f"{date.today():%Y%m%d}") if seed is None else seed, count, chosen)
+    seed = int(f"{date.today():%Y%m%d}") if seed is None else seed
+    scenes = [*load_scenes(KNOWN), *drawn(seed, count)]
+    return study(scenes, find_methods(methods or STATING), typed("coverage", seed=seed, count=count))
 
 
 def sweep_command(

@@ -6,7 +6,7 @@ mode, a printed reference, or a run that was asked for a hundredth.
 """
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,12 +17,12 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.accuracy import deliver
 from actin_xcheck.runs.method import Method
-from actin_xcheck.runs.numerics import Numerics, command, suited
+from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.resolve import turn_matrix
-from actin_xcheck.scene.scene import Scene, load_scenes, parse_scene
+from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.stored import Stored, companions_of
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 from actin_xcheck.verdicts.known import known
@@ -43,9 +43,6 @@ STATING = (
 
 FINEST = {1: 5, 2: 4, 3: 3, 4: 3}
 """Refinement of a ladder's finest mesh, by the order of elements; volumes have the first."""
-
-STEPS = 32
-"""Of the finest run of a scene that was drawn."""
 
 RTOL = 1e-6
 """Of the finest run where steps have a tolerance."""
@@ -139,25 +136,35 @@ class Row:
     worst: float
 
 
-def coverage(seed: int, count: int, methods: Sequence[Method]) -> Study:
+def coverage(
+    scenes: Sequence[Scene], methods: Sequence[Method], made: str, finest: Mapping[int, int] = FINEST
+) -> Study:
     """Hold every uncertainty that ladders of levels state against the true error.
 
     Parameters
     ----------
-    seed, count : of the scenes that are drawn, beside those whose numbers are known.
+    scenes : where nothing is known of one, a run stands for its truth; such that break down are left out.
     methods : that declare an order in space.
+    made : the command that makes the report again.
+    finest : refinement of a ladder's finest mesh, by the order of elements.
     """
-    names = [f"random-{seed}-{number}" for number in range(count)]
-    texts = [draw.written(draw.drawn(seed, number)) for number in range(count)]
-    scenes = [parse_scene(text, name) for text, name in zip(texts, names, strict=True)]
     unknown = [scene for scene in scenes if not _is_known(scene)]
-    plan = [one for scene in (*load_scenes(KNOWN), *scenes) for one in _ladders(scene, methods)]
-    ladders = [Task(climb, one, _seconds(one)) for one in plan]
-    later = sum(task.seconds for task in ladders)
-    truths: list[Truth] = yield Batch([Task(true, one, 20.0, (_file(one),)) for one in unknown], later)
+    ladders = [
+        Task(climb, one, _seconds(one)) for scene in scenes for one in _ladders(scene, methods, finest)
+    ]
+    truths: list[Truth] = []
+    if unknown:
+        later = sum(task.seconds for task in ladders)
+        truths = yield Batch([Task(true, one, 20.0, (_file(one),)) for one in unknown], later)
     broken = {one.name for one, truth in zip(unknown, truths, strict=True) if np.isnan(truth.estimate)}
     found: list[Found] = yield [task for task in ladders if task.ask.finest.scene.name not in broken]
-    return _report([triplet for one in found for triplet in one.triplets], seed, count)
+    return _report([triplet for one in found for triplet in one.triplets], made)
+
+
+def drawn(seed: int, count: int) -> list[Scene]:
+    """Scenes drawn by a seed."""
+    names = [f"random-{seed}-{number}" for number in range(count)]
+    return [parse_scene(draw.written(draw.drawn(seed, i)), name) for i, name in enumerate(names)]
 
 
 def _is_known(scene: Scene) -> bool:
@@ -174,13 +181,11 @@ def true(scene: Scene, folder: Path) -> Truth:
     return Truth(deliver(scene, TRUTH, folder / _file(scene), "").estimate)
 
 
-def _ladders(scene: Scene, methods: Sequence[Method]) -> Iterator[Ladder]:
+def _ladders(scene: Scene, methods: Sequence[Method], finest: Mapping[int, int]) -> Iterator[Ladder]:
     """A scene by every method, with equal steps and, where it is adaptive, with a tolerance."""
-    drawn = not scene.expect.reference and scene.origin.startswith("random-")
     truth = "" if _is_known(scene) else _file(scene)
     for method in methods:
-        refine = FINEST[method.space]
-        dt = scene.time.end / STEPS if drawn else suited(scene, None, None)[1]
+        refine, (_, dt) = finest[method.space], suited(scene)
         for rtol in (None, RTOL) if method.adaptive else (None,):
             yield Ladder(Stored(scene, Numerics(method, refine, dt, rtol), "run.vtkhdf"), truth)
 
@@ -216,7 +221,9 @@ def _triplets(scene: Scene, levels: Levels, truth: Run | None) -> Iterator[Tripl
         for t in scene.output_times:
             last = t == scene.output_times[-1]
             exact = _truth(scene, quantity, t, truth)
-            if exact is None or not reaches(finest, t) or (quantity == "growth_rate" and not last):
+            if exact is None or not exact[0].size or not reaches(finest, t):
+                continue
+            if quantity == "growth_rate" and not last:
                 continue
             values, stated, how, _ = estimate(scene, levels, quantity, t)
             error = float(np.nanmax(np.abs(values - exact[0]), initial=0.0))
@@ -261,7 +268,7 @@ def _row(of: str, triplets: Sequence[Triplet]) -> Row:
     )
 
 
-def _report(triplets: Sequence[Triplet], seed: int, count: int) -> Report:
+def _report(triplets: Sequence[Triplet], made: str) -> Report:
     by_method = _grouped(triplets, "method")
     rows = [_row("all", triplets), *(_row(name, group) for name, group in by_method.items())]
     missed = [triplet for triplet in triplets if not triplet.covered]
@@ -277,7 +284,7 @@ def _report(triplets: Sequence[Triplet], seed: int, count: int) -> Report:
             ),
             "missed": Table("Not covered", sorted(missed, key=lambda one: one.stated / one.error)),
         },
-        claims=tuple(_claims(rows, command("coverage", seed=seed, count=count))),
+        claims=tuple(_claims(rows, made)),
         chapters=(_chapter(by_method),),
     )
 
