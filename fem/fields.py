@@ -10,11 +10,10 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.contract import Grid
 from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
-from actin_xcheck.core.lagrange import nodes
+from actin_xcheck.core.lagrange import lagrange, nodes
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.observables import Measures
-from fem.element import lagrange
 from fem.kernels import CellRule
 from fem.space import Space
 

@@ -39,9 +39,9 @@ from actin_xcheck.core.motion import Anchor, PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from fem.fields import Lattice, cell_means, locate, measure, orientation
 from fem.force_balance import ForceBalance
+from fem.solver import TransportMatrices, TransportSolver
 from fem.space import CELLWISE, Space
 from fem.tableaux import TABLEAUX
-from fem.transport import TransportMatrices, TransportSolver
 
 
 @dataclass(frozen=True)

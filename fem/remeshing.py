@@ -15,8 +15,8 @@ from actin_xcheck.core.observables import Measures
 from fem.fields import Lattice, cell_means, measure
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex, ImexState
+from fem.solver import TransportMatrices
 from fem.space import Space
-from fem.transport import TransportMatrices
 from fem.triangulation import (
     SLIVER,
     NoMesh,

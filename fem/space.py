@@ -7,10 +7,9 @@ from itertools import permutations
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from actin_xcheck.core.lagrange import quadrature
+from actin_xcheck.core.lagrange import EDGES, lagrange, lobatto, quadrature
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, Symmetry, arcs, signed_areas
 from actin_xcheck.core.model import Array
-from fem.element import EDGES, lagrange, lobatto
 from fem.kernels import CellRule, RimRule, Scatter
 
 CORNERS = np.array([[0.0, 1, 0], [0, 0, 1]])

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
+from actin_xcheck.core.lagrange import lagrange
 from actin_xcheck.core.linear import solve
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, signed_areas
 from actin_xcheck.core.model import Array, Model
-from fem.element import lagrange
 from fem.fields import locate
 from fem.force_balance import ForceBalance
 from fem.space import Space

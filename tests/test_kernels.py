@@ -24,17 +24,16 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine
 
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.core.lagrange import quadrature
+from actin_xcheck.core.lagrange import HIGHEST, lagrange, quadrature
 from actin_xcheck.core.linear import SymmetricSolver, solve
 from actin_xcheck.core.mesh import Symmetry, disk, sector
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from fem import forms
-from fem.element import HIGHEST, lagrange
 from fem.fields import locate
 from fem.force_balance import CellNetwork, ForceBalance
+from fem.solver import TransportMatrices
 from fem.space import Space
-from fem.transport import TransportMatrices
 from tests.lab import local_orders
 
 ORDERS = (1, 2, 3, 4)

@@ -17,8 +17,8 @@ from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
 from fem.force_balance import ForceBalance
+from fem.solver import TransportSolver
 from fem.space import Space
-from fem.transport import TransportSolver
 
 L0 = 0.8
 

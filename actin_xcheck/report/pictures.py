@@ -139,21 +139,12 @@ class _Pieces:
         corners = lagrange.nodes(n)
         numbers = np.arange(corners.shape[1] * n_cells).reshape(-1, n_cells)
         triangles = np.swapaxes(numbers[lagrange.pieces(n)], 1, 2).reshape(3, -1)
-        return cls(run.cells, _basis(order, corners), triangles)
+        return cls(run.cells, lagrange.Basis(lagrange.nodes(order))(corners[1:])[0], triangles)
 
     def at_corners(self, nodal: Array) -> Array:
         """A field (..., N) at the corners of all pieces, (..., m n_cells)."""
         values = np.einsum("am,...ae->...me", self.basis, nodal[..., self.cells])
         return values.reshape(*nodal.shape[:-1], -1)
-
-
-def _basis(order: int, points: Array) -> Array:
-    """The Lagrange basis of order k at barycentric points (3, m): (n_local, m)."""
-    powers = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
-    known, wanted = (
-        np.array([at[1] ** i * at[2] ** j for i, j in powers]) for at in (lagrange.nodes(order), points)
-    )
-    return np.asarray(np.linalg.solve(known, wanted))
 
 
 def _drawn(run: Run, frames: Sequence[int], field: str) -> Iterator[Picture]:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from actin_xcheck.core.lagrange import lagrange
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure
-from actin_xcheck.runs.method import load
 from actin_xcheck.studies.faults.fault import Fault, Function
 
 
@@ -50,7 +50,7 @@ def _equal_weights(right: Function, *arguments: Any) -> tuple[Array, Array]:
 
 
 def _straight(right: Function, mesh: Mesh, triangles: Array, ring: float, order: int) -> Array:
-    nodes = load("fem.element:lagrange")(order).nodes
+    nodes = lagrange(order).nodes
     return np.einsum("cn,...ce->...ne", nodes, mesh.xi[:, triangles])
 
 
@@ -112,7 +112,7 @@ OF_SCHEMES = (
         "quadrature-weights",
         "All points of a quadrature have one weight: right for P1 cells, too low a degree above.",
         "fem",
-        "fem.space:get_quadrature",
+        "fem.space:quadrature",
         _equal_weights,
     ),
     Fault(

@@ -180,7 +180,7 @@ FAULTS = (
         "fem-leak",
         "In every transport solve a part of 1e-10 of all actin is lost.",
         "fem",
-        "fem.transport:TransportSolver.solve",
+        "fem.solver:TransportSolver.solve",
         _leaking_nodes,
     ),
     Fault(
