@@ -13,8 +13,7 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import scene_text
-from actin_xcheck.studies.compare import FILE_NAME, companions, compare, jobs_of, read_comparison
-from actin_xcheck.studies.compare_page import write_comparison_page
+from actin_xcheck.studies.compare import companions, jobs_of, read_comparison
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.known import known
@@ -22,7 +21,6 @@ from actin_xcheck.verdicts.orders import uncertainty
 from actin_xcheck.verdicts.triangulate import Corner, Levels, estimate, triangulate, verdict
 from tests.faults import FAULTS
 from tests.lab import FEM, FV
-from tests.studies import carry
 
 AT = {
     "growing-disk": (3, 32),
@@ -379,17 +377,15 @@ def test_runs_that_fail_are_compared_as_far_as_both_came(outputs, verdicts, tmp_
     assert all("singular_dilation" in one.sentence for one in found)
 
 
-def test_a_comparison_keeps_its_triangles_and_shows_them_from_files_alone(tmp_path):
-    scene = load_scene("static-decay")
-    jobs = jobs_of([scene], [METHODS[FEM], METHODS[FV]], 3, 0.05)
-    claims = carry(tmp_path, compare(jobs), name="compare").claims
-    kept = read_comparison(tmp_path / FILE_NAME)
-    stored = kept.triangles
+def test_a_comparison_keeps_its_triangles_and_shows_them(carried):
+    whole = carried("compare")
+    kept, claims = read_comparison(whole.file), whole.report.claims
     assert kept.claims == claims
-    assert [one.quantity for one in stored] == ["area", "total_actin", "probe_a", "probe_x"]
+    assert [one.quantity for one in kept.triangles] == ["area", "total_actin", "probe_a", "probe_x"]
     of_triangles = [claim for claim in claims if claim.kind is ClaimKind.TRIANGLE]
-    assert [one.claim(claim.command) for one, claim in zip(stored, of_triangles, strict=True)] == of_triangles
+    again = [one.claim(claim.command) for one, claim in zip(kept.triangles, of_triangles, strict=True)]
+    assert again == of_triangles
     assert kept.runs.keys() == {f"static-decay/{m}" for m in (FEM, FV)}
-    page = write_comparison_page(kept.path).read_text(encoding="utf-8")
-    assert page.count("all three agree") == 2 * len(stored)  # as a claim and beside its picture
-    assert page.count('figure class="exhibit intervals"') == len(stored)
+    page = (whole.folder / "index.html").read_text(encoding="utf-8")
+    assert page.count("all three agree") == 2 * len(of_triangles)  # as a claim and beside its picture
+    assert page.count('figure class="exhibit intervals"') == len(of_triangles)
