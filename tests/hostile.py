@@ -29,8 +29,7 @@ from actin_xcheck.runs.provenance import peak_memory
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import Scene, load_scene
 from actin_xcheck.studies.compare import jobs_of
-from tests.hostile_inputs import Input, a_run, draw_input
-from tests.hostile_reports import REPORTS, a_report
+from tests.hostile_inputs import REPORTS, Input, a_report, a_run, draw_input
 
 SECONDS = 5.0
 """Of processor time an input may take, a run of a few steps included; `HANG` end it."""

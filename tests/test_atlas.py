@@ -25,7 +25,7 @@ from actin_xcheck.studies.theory.figures import (
 from actin_xcheck.theory.borders import cell_branches, prove
 from actin_xcheck.theory.dispersion import Mode, Version, growth_rates, modes_below, sigma_prime, wavenumber
 from actin_xcheck.theory.exact import DiskModes
-from tests.colours import SEEN, lab, linear
+from tests.browser import SEEN, lab, linear
 
 CELLS = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE]
 SOFT = 1.75 / 1.5

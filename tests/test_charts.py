@@ -14,8 +14,7 @@ from actin_xcheck.report.exhibits import Intervals, Line, Plot
 from actin_xcheck.report.figure import INK, RED, figure
 from actin_xcheck.report.page import environment
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
-from tests.browser import complaints
-from tests.legible import unreadable
+from tests.browser import complaints, unreadable
 
 X = np.linspace(0, 1, 11)
 RUN = "fig14-four-fronts/fem-p1-paper"

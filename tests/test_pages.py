@@ -15,9 +15,7 @@ from actin_xcheck.report.figure import STYLES
 from actin_xcheck.report.lattice import colour_of
 from actin_xcheck.report.page import environment
 from actin_xcheck.studies.frontier.answers import Kind
-from tests.browser import complaints
-from tests.colours import SEEN, lab, linear
-from tests.legible import pale, unreadable
+from tests.browser import SEEN, complaints, lab, linear, pale, unreadable
 from tests.picture import PICTURE, WIDTH, take
 
 QUICK = ("compare", "curves", "closures", "faults", "night", "dashboard", "paper", "predict", "random")
