@@ -128,9 +128,10 @@ def test_claims_of_the_checks_are_made_again_by_their_commands(check, tmp_path, 
 def test_an_order_is_made_again_by_its_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     typed(command("converge", "static-decay", method=P1, out="one"), "--quiet")
-    for order in _table(tmp_path / "one" / "converge.h5", "orders", Order):
-        typed(order.command, "--out", order.refined, "--quiet")
-        files = (tmp_path / one / "converge.h5" for one in ("one", order.refined))
+    orders = _table(tmp_path / "one" / "converge.h5", "orders", Order)
+    for number, line in enumerate({order.command for order in orders}):
+        typed(line, "--out", str(number), "--quiet")
+        files = (tmp_path / one / "converge.h5" for one in ("one", str(number)))
         first, again = (_table(file, "errors", Error) for file in files)
         assert [one.error for one in again] == [one.error for one in first]
 

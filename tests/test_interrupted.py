@@ -169,7 +169,7 @@ def test_a_kill_while_a_file_is_put_in_its_place(moment: str, tmp_path: Path, ex
 @pytest.mark.slow
 def test_random_kills(tmp_path: Path) -> None:
     """A small campaign; `python -m tests.kills 200` is a large one."""
-    for found in campaign(12, 5, tmp_path, (KINDS[1], KINDS[4], KINDS[5], KINDS[10])):
+    for found in campaign(8, 5, tmp_path, (KINDS[1], KINDS[4], KINDS[5], KINDS[10])):
         assert not found.wrong
         assert found.counts["same bits"] > 0
 

@@ -231,6 +231,7 @@ def test_claims_have_a_light_and_a_key_of_their_own(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly  # and by the night itself
 def test_a_free_viscoelastic_rim_under_pressure_is_studied(tmp_path):
     checks = [item for item in suite() if isinstance(item, Checked)]
     studied = [item for item in checks if item.name.startswith("converge fitted-ring-elastic")]
@@ -283,7 +284,11 @@ def test_an_order_that_can_no_longer_be_read_off_is_red(tmp_path):
     assert (last.verdict, last.note) == ("FAIL", "1 of its orders came to no verdict")
 
 
-ONLY = ("compare static-decay*", "run smooth-fronts fv-order2 refine 2 rtol 1e-05", "cost * fem-p1-paper *")
+ONLY = (
+    "compare static-decay fem-p1-paper fv-coupled refine 3",
+    "run smooth-fronts fv-order2 refine 2 rtol 1e-05",
+    "cost * fem-p1-paper *",
+)
 
 
 @pytest.mark.slow

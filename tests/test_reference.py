@@ -69,7 +69,9 @@ def test_second_order_in_h_towards_the_reference(name):
     assert errors[2].max() < 3e-3
 
 
-@pytest.mark.parametrize("name", ["fig14-four-fronts", "fig17-uniform-contraction"])
+@pytest.mark.parametrize(
+    "name", ["fig14-four-fronts", pytest.param("fig17-uniform-contraction", marks=pytest.mark.nightly)]
+)
 def test_the_coupled_finite_volumes_approach_the_same_reference(name):
     """Their area error on Fig. 14 is a difference of two parts of either sign: no order is read off it."""
     errors = errors_in_space(name, FV, (4, 5))

@@ -139,7 +139,7 @@ def adaptive_levels(method, refine, rtol, folder):
         ("fem-p3-imex4", 2, 1e-3),
         ("fem-p1-imex2", 3, 1e-4),
         pytest.param("fem-p3-imex4", 5, 1e-5, marks=SLOW),  # where errors in time are what is left
-        pytest.param("fem-p4-imex4", 4, 1e-4, marks=SLOW),
+        pytest.param("fem-p4-imex4", 4, 1e-4, marks=[SLOW, pytest.mark.nightly]),
     ],
 )
 def test_uncertainties_cover_what_is_wrong_when_steps_are_chosen(method, refine, rtol, tmp_path):
