@@ -6,6 +6,7 @@ import shlex
 import sys
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.chart import chart, default_methods, in_words
-from actin_xcheck.studies.chart.measure import QUICK, Asked, cloud, ladder, measured, published
+from actin_xcheck.studies.chart.measure import QUICK, Asked, answered, cloud, ladder, measured, published
 from actin_xcheck.studies.chart.plots import SIGNS, WORKS, Chart, chapter_of, row_of
 from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.verdicts.known import l2_error
@@ -286,7 +287,7 @@ def test_a_ladder_is_cut_where_a_method_has_had_its_seconds(tmp_path):
 def of_points(scene, points, reference=CHARTED.reference):
     """A chart of points of no ladder."""
     coarse, fine = (
-        sample_of(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)).answer
+        answered(Asked(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)), Path())
         for name, refine, rtol in reference
     )
     truth = truth_of(scene, coarse, fine, "the finer one")
@@ -298,7 +299,6 @@ def lines_of(chart, quantity=A):
     return plot.lines
 
 
-@pytest.mark.slow
 def test_a_run_that_fails_stands_on_the_rail():
     text = load_scene("fig18-nonuniform-contraction").text.replace("1e-3*cos", "0.1*cos")
     text = re.sub(r"(?m)^(end|outputs) = .*|(?s:^\[expect.*)", "", text).replace(
@@ -320,7 +320,6 @@ def test_all_endings_have_a_sign_of_their_own():
     assert len(set(SIGNS.values())) == len(SIGNS)
 
 
-@pytest.mark.slow
 def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that():
     scene, reference = load_scene("fig14-four-fronts"), ((IMEX, 1, 1e-3), (IMEX, 2, 1e-4))
     end = scene.time.end
@@ -342,7 +341,6 @@ def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that():
     assert not any(line.steps for line in lines_of(same))  # no front
 
 
-@pytest.mark.slow
 def test_without_a_reference_nothing_is_judged():
     text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
     scene = parse_scene(re.sub(r"(?ms)^\[expect.*", "", text), "breaks.toml")
