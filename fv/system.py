@@ -22,7 +22,7 @@ from actin_xcheck.core.mesh import quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Closure
 from fv import krylov
 from fv.boundary import Ties, free_motions, rigid_motions
-from fv.diamond import linear_weights
+from fv.equations import linear_weights
 from fv.stress import Assembly, Diamonds, Moduli
 
 GOAL = 1e-11

@@ -22,7 +22,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, families_of
 from fem.kernels import CellRule
 from fem.space import Space
-from fv.diamond import over_relaxed_split, vertex_interpolation
+from fv.equations import over_relaxed_split, vertex_interpolation
 from fv.mesh import Faces
 from tests.lab import error_against, film_of
 

@@ -22,8 +22,7 @@ from actin_xcheck.studies.faults.fault import ControlError, injected, replaced, 
 from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
 from fv.krylov import Operator
-from fv.second_order import FvSecondOrder
-from fv.solver import FvDiamond
+from fv.solver import FvDiamond, FvSecondOrder
 from tests.claims import claim
 from tests.faults import FAULTS
 from tests.lab import FEM, FV

@@ -15,8 +15,9 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import in_scene_frame
 from actin_xcheck.scene.scene import load_scene
-from fv import krylov, second_order
-from fv.diamond import cross_flux, over_relaxed, reconstruct, vertex_interpolation
+from fv import krylov
+from fv import solver as scheme
+from fv.equations import cross_flux, over_relaxed, reconstruct, vertex_interpolation
 from tests.lab import FV, film_of, local_orders, play, scene_of
 from tests.test_conservation import SHEAR_AND_ROTATION
 from tests.test_orders import END, exact_error, steady_state_error
@@ -62,18 +63,18 @@ def test_second_order_in_dt_on_the_scenes(name):
 
 
 def stages_of(gamma, explicit):
-    stage = second_order._Stage
+    stage = scheme._Stage
     return stage(gamma, (gamma,), ()), stage(1.0, explicit, (1 - gamma,))
 
 
 def test_a_wrong_weight_costs_the_order(monkeypatch):
     """Consistent weights that miss one condition of second order: of the motion, then of transport."""
-    right = second_order.GAMMA
-    monkeypatch.setattr(second_order, "STAGES", stages_of(right, (0.5, 0.5)))
+    right = scheme.GAMMA
+    monkeypatch.setattr(scheme, "STAGES", stages_of(right, (0.5, 0.5)))
     wrong = slopes_in_dt(SMOOTH, 0.1, (8, 16, 32), quantities="ax")
     assert wrong[:, -1].max() < 1.3, wrong
-    monkeypatch.setattr(second_order, "GAMMA", 0.35)
-    monkeypatch.setattr(second_order, "STAGES", stages_of(0.35, (1 - 1 / 0.7, 1 / 0.7)))
+    monkeypatch.setattr(scheme, "GAMMA", 0.35)
+    monkeypatch.setattr(scheme, "STAGES", stages_of(0.35, (1 - 1 / 0.7, 1 / 0.7)))
     wrong = slopes_in_dt(load_scene("stirred"), END, (8, 16, 32))
     assert wrong[0, -1] < 1.3, wrong
 
@@ -205,12 +206,12 @@ def test_a_step_is_ars_222_written_out_in_plain_matrices():
 @pytest.mark.parametrize("z", [-1e-3, -1.0, -30.0, -1e9])
 def test_stiff_decay_is_damped_and_not_taken_for_a_large_error(z):
     """P' = lambda P with z = lambda dt: L-stable, and the estimate stays below what there is to lose."""
-    gamma, changes = second_order.GAMMA, []
-    for stage in second_order.STAGES:
-        carried = 1 + second_order._blend(stage.implicit, changes)
+    gamma, changes = scheme.GAMMA, []
+    for stage in scheme.STAGES:
+        carried = 1 + scheme._blend(stage.implicit, changes)
         changes.append(z * carried / (1 - gamma * z))
     end = carried + gamma * changes[-1]
-    estimate = second_order.EMBEDDED * (changes[1] - changes[0])
+    estimate = scheme.EMBEDDED * (changes[1] - changes[0])
     assert abs(end) < 1
     assert abs(end - np.exp(z)) < min(abs(z) ** 3, 0.25)
     assert abs(end - estimate) < 1
@@ -302,7 +303,7 @@ def sheared_operator(dt):
     assert orientation(solver.mesh, 0.0, x).ok
     volumes = signed_areas(x, solver.mesh.triangles)
     amounts = volumes * (1 + 0.3 * np.sin(5 * quadrature_points(x, solver.mesh.triangles)[0].mean(axis=0)))
-    coefficients, from_vertices = second_order.over_relaxed_split(solver.faces, x)
+    coefficients, from_vertices = scheme.over_relaxed_split(solver.faces, x)
     matrix, rhs = solver.equation.stage(dt, amounts, volumes, coefficients, 0 * volumes)
     to_vertices = vertex_interpolation(solver.faces, x)
     return krylov.Operator(matrix, from_vertices, to_vertices, 0.4), rhs, amounts / volumes

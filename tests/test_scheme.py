@@ -12,7 +12,7 @@ from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.parameters import Parameters
 from fem.force_balance import ForceBalance
 from fem.solver import FemP1Paper
-from fv.diamond import cross_flux, over_relaxed, vertex_interpolation
+from fv.equations import cross_flux, over_relaxed, vertex_interpolation
 from fv.solver import FvDiamond
 
 MESH = disk(3, 0.8)

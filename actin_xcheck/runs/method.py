@@ -109,7 +109,7 @@ METHODS = {
         ),
         Method(
             "fv",
-            "fv.second_order:FvSecondOrder",
+            "fv.solver:FvSecondOrder",
             None,
             2,
             2,
@@ -136,7 +136,7 @@ METHODS = {
         ),
         Method(
             "fv-order2",
-            "fv.second_order:FvSecondOrder",
+            "fv.solver:FvSecondOrder",
             None,
             2,
             2,

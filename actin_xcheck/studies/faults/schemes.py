@@ -98,14 +98,14 @@ OF_SCHEMES = (
         "fv-error-underestimated",
         "The error estimate that chooses the steps is 1000 times too small.",
         "fv",
-        "fv.second_order:FvSecondOrder.step",
+        "fv.solver:FvSecondOrder.step",
         _confident,
     ),
     Fault(
         "fv-first-velocity",
         "Both stages move the nodes with the velocities of the step's beginning: a first-order start.",
         "fv",
-        "fv.second_order:FvSecondOrder._place",
+        "fv.solver:FvSecondOrder._place",
         _one_velocity,
     ),
     Fault(

@@ -250,7 +250,7 @@ FAULTS = (
         "fv-rim-not-mirrored",
         "Cells along the rim are not mirrored across it, so that vertex values do not know n·∇a = 0.",
         "fv",
-        "fv.diamond:_places",
+        "fv.equations:_places",
         _not_mirrored,
     ),
     Fault(

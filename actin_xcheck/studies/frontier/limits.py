@@ -69,8 +69,8 @@ def pair_of(method: Method) -> Pair | None:
         return Pair(tableau.explicit, tableau.implicit, tableau.b, tableau.b)
     if method.order_dt == 1:
         return None
-    gamma: Any = load("fv.second_order:GAMMA")
-    stages: Any = load("fv.second_order:STAGES")
+    gamma: Any = load("fv.solver:GAMMA")
+    stages: Any = load("fv.solver:STAGES")
     last = stages[-1]
     first, second = last.explicit
     explicit = np.array([[0, 0, 0], [gamma, 0, 0], [first, second, 0]])
