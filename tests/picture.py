@@ -11,13 +11,14 @@ from tests.browser import chromium, complaints
 
 PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
 SCENE = "fig14-four-fronts"
-WIDTH = 960
+WIDTH = 900
 
 _LEAVE = """((scene) => {
   const section = [...document.querySelectorAll("section.scene")]
     .find(one => one.querySelector("h2").textContent === scene);
   for (const one of document.querySelectorAll("nav, main > section")) if (one !== section) one.remove();
   const film = section.querySelector(".film"), time = film.querySelector("input");
+  for (const one of document.querySelectorAll("header .lead, .citation, main details")) one.remove();
   while (film.nextElementSibling) film.nextElementSibling.remove();
   time.value = time.max;
   time.dispatchEvent(new Event("input"));

@@ -199,7 +199,7 @@ def test_curved_cells_are_drawn_in_pieces_and_compared_by_their_means(tmp_path: 
     pieces = curved.a_points[-1][curved.triangles].mean(axis=0)
     assert strip.rows[0].panels[-1].extent == f"{pieces.min():.3g} … {pieces.max():.3g}"
     # pictures grow with what is in them, not with the nodes
-    assert sum(len(panel.png) for row in strip.rows for panel in row.panels) < 400_000
+    assert sum(len(panel.webp) for row in strip.rows for panel in row.panels) < 400_000
 
 
 def test_growth_is_charted_where_it_was_measured(reported: tuple[Path, list[Claim]]) -> None:

@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure as Drawn
 from numpy.typing import NDArray
+from PIL import Image
 
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array
@@ -41,9 +42,9 @@ def unstyled() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture: PNG in base64, what it shows in words, and the range of its values."""
+    """One picture: WebP in base64, what it shows in words, and the range of its values."""
 
-    png: str
+    webp: str
     alt: str
     extent: str
 
@@ -136,14 +137,14 @@ class Canvas:
     def panel(self, what: str, extent: str) -> Panel:
         """Return the picture of `what`."""
         buffer = BytesIO()
-        FigureCanvasAgg(self._figure).print_png(buffer, metadata={"Software": None})
+        Image.fromarray(self.pixels()).save(buffer, "WEBP", lossless=True)  # half as large as a PNG
         return Panel(b64encode(buffer.getvalue()).decode(), f"{what}, values {extent}", extent)
 
     def pixels(self) -> NDArray[np.uint8]:
-        """Return the picture as (height, width, 3)."""
+        """Return the picture as (height, width, 4): red, green, blue and opacity."""
         drawn = FigureCanvasAgg(self._figure)
         drawn.draw()
-        return np.asarray(drawn.buffer_rgba())[..., :3].copy()
+        return np.array(drawn.buffer_rgba())
 
 
 class Brush:

@@ -173,7 +173,7 @@ def _drawn(run: Run, frames: Sequence[int], field: str) -> Iterator[Picture]:
         bar.imshow([np.linspace(0, 1, 256)], cmap=SEQUENTIAL, aspect="auto", extent=(0, 1, 0, 1))
         bar.set_xticks((0, 1), [f"{end:.4g}" for end in ends])
         bar.set_title(FIELDS[field], fontsize=11, pad=3)
-        yield canvas.pixels()
+        yield canvas.pixels()[..., :3].copy()
 
 
 def _range(run: Run, frames: Sequence[int], field: str) -> tuple[float, float]:

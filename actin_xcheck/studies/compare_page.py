@@ -44,6 +44,7 @@ class _Section:
     right: int
     sentence: str
     values: Drawing | None
+    at_probes: Drawing | None
     charts: tuple[Drawing, ...]
     triangles: tuple[tuple[Triangle, Drawing | None], ...]
     partings: tuple[tuple[Parting, Drawing | None], ...]
@@ -130,7 +131,8 @@ def _section(comparison: Comparison, number: int, name: str, runs: Sequence[Run]
         film=film_data(runs, strip),
         right=next(finite_volumes, len(runs) - 1),
         sentence=in_a_sentence(finals),
-        values=_values(finals),
+        values=_values([one for one in finals if not one.quantity.startswith("probe")]),
+        at_probes=_values([one for one in finals if one.quantity.startswith("probe")]),
         charts=tuple(charts(runs)),
         triangles=tuple(
             (one, _drawn(_triangle(one, numbers), "triangles"))
@@ -146,7 +148,7 @@ def _section(comparison: Comparison, number: int, name: str, runs: Sequence[Run]
 
 
 def _values(finals: Sequence[FinalValue]) -> Drawing | None:
-    """What a scene comes to, as a table; None where its runs have no output time in common."""
+    """Numbers that a scene comes to, as a table; None without any."""
     if not finals:
         return None
     theory = next((one.theory.name for one in finals if one.theory), "")
