@@ -19,7 +19,7 @@ from actin_xcheck.nightly.record import FILE_NAME, read_night
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import journal
-from actin_xcheck.studies.checks import Compared
+from actin_xcheck.studies.checks import SUITE, Compared
 from tests import nights
 from tests.lab import FEM, FV
 from tests.nights import Stub, only_night, start
@@ -45,7 +45,7 @@ def test_only_some_are_chosen_by_patterns_and_controls_bring_their_checks():
     assert all(name.startswith("compare fig14") for name in names)
     with_checks = chosen(plan, ["fault fv-leak"], False, Past())
     assert with_checks[-1].fault == "fv-leak"
-    assert len(with_checks) == 28 + 1
+    assert len(with_checks) == len(SUITE) + 1
     with pytest.raises(UserError, match=r"--only: no check is called 'fig99\*'; valid: such as compare"):
         chosen(plan, ["compare*", "fig99*"], False, Past())
     with pytest.raises(UserError, match="--failed: nothing failed"):

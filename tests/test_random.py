@@ -10,9 +10,10 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.parameters import Closure, Delta, Rheology
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.studies import random_scenes as random_module
 from actin_xcheck.studies.faults import find_faults
 from actin_xcheck.studies.faults.fault import replaced
-from actin_xcheck.studies.random_scenes import Checked, Drawn, check, random_scenes
+from actin_xcheck.studies.random_scenes import Checked, Drawn, OfTheDate, check, random_scenes
 from actin_xcheck.studies.study import answered
 
 SEED = 3
@@ -117,3 +118,17 @@ def test_a_miss_is_made_as_simple_as_it_can_be():
     assert last.parameters.psi == 0
     assert not last.source_term
     assert asked[-1].coarser == 1
+
+
+def test_a_night_draws_by_its_date_and_its_claims_have_the_same_keys_every_night(monkeypatch, tmp_path):
+    monkeypatch.setattr(random_module, "check", lambda asked, folder: made_up(asked))
+    nights = []
+    for day in (3, 4):
+        monkeypatch.setattr(random_module, "seed_of_today", lambda day=day: day)
+        nights.append(OfTheDate(40, 6).claims(tmp_path))
+    assert [one.key for one in nights[0]] == [one.key for one in nights[1]]
+    assert len({one.key for one in nights[0]}) == 6
+    assert nights[0][2].command == "python -m actin_xcheck random --seed 3 --count 1 --first 42"
+    study = answered(random_scenes(3, 6, 40), lambda tasks: [made_up(task.ask) for task in tasks])
+    assert [one.value for one in nights[0]] == [one.value for one in study.claims]
+    assert {one.holds for one in nights[0]} == {True, False}

@@ -301,11 +301,9 @@ def random(
     Each is run by both codes, by smaller models that are exact for it, turned, reflected and in other units;
     one that misses is made simpler as long as it misses, and left as a file.  Some 8 s a scene.
     """
-    from datetime import date
+    from actin_xcheck.studies.random_scenes import random_scenes, seed_of_today
 
-    from actin_xcheck.studies.random_scenes import random_scenes
-
-    return random_scenes(int(f"{date.today():%Y%m%d}") if seed is None else seed, count, first)
+    return random_scenes(seed_of_today() if seed is None else seed, count, first)
 
 
 @study_command("coverage")

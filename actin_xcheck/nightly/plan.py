@@ -26,6 +26,7 @@ from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, IMEX, OWN, PAPE
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
 from actin_xcheck.studies.faults import FAULTS, Check
+from actin_xcheck.studies.random_scenes import OfTheDate
 
 PAGES = 0.08
 """Share of a budget that is left for pages and the history."""
@@ -38,6 +39,9 @@ _EXACT = (
     "mode-02-wall-270", "mode-0-cell", "mode-2-cell", "mode-1-viscous-cell", "mode-2-free-cell",
 )  # fmt: skip
 
+RANDOM = 20
+"""Scenes of the date in a check: a thousand are there for a night that has the time."""
+
 EXTRA: tuple[Check, ...] = (
     *(Compared(scene, pair, 5, steps=100) for scene in DEFAULT_SCENES for pair in ((PAPER, FV), (IMEX, OWN))),
     Diluted((PAPER, FV), 3),
@@ -49,6 +53,7 @@ EXTRA: tuple[Check, ...] = (
     # a free viscoelastic rim whose load sees phi: one order less in h than elsewhere
     Studied("fitted-ring-elastic", CURVED, Refined.H, 4, (AREA,)),
     Studied("fitted-ring-elastic", CURVED, Refined.DT, 5, (FIELD, AREA)),
+    *(OfTheDate(first, RANDOM) for first in range(0, 1000, RANDOM)),
 )
 """What a night has time for beyond the quick checks that faults are held against."""
 
@@ -109,6 +114,8 @@ def _guessed(method: Method) -> float:
 
 def _guess(check: Check) -> float:
     """Seconds, where no night has told: half more than its runs take, and what every check does."""
+    if isinstance(check, OfTheDate):
+        return check.seconds
     if not isinstance(check, Compared):
         return GUESSED
     runs = sum(seconds_of(find_method(name), check.refine, check.steps) for name in check.methods)

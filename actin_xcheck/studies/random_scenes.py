@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,9 @@ SAME = 1e-9
 
 NEGLECTED = 1e-9
 """What a model of linear modes may leave out."""
+
+SECONDS = 8.0
+"""Of a scene on one core, about."""
 
 ROUNDS, COARSEST = 8, 1
 """Of making a scene simpler; how often its meshes may be halved."""
@@ -119,20 +123,14 @@ def _ratio(claim: Claim) -> float:
 
 def random_scenes(seed: int, count: int, first: int = 0) -> Study:
     """Draw scenes, check each, and make those that miss as simple as they can be."""
-    names = [f"random-{seed}-{number}" for number in range(first, first + count)]
-    asked = [
-        Drawn(draw.written(draw.drawn(seed, number)), name) for number, name in enumerate(names, start=first)
-    ]
+    numbers = range(first, first + count)
+    asked = [_drawn(seed, number) for number in numbers]
     found = yield [_task(one) for one in asked]
     shrunk: list[Checked] = []
     for question, checked in zip(asked, found, strict=True):
         if checked.misses:
             shrunk.append((yield from _shrink(question, checked)))
-    commands = [command("random", seed=seed, count=1, first=n) for n in range(first, first + count)]
-    claims = tuple(
-        replace(one.worst, scene=one.name, value=_ratio(one.worst), bound=1.0, command=made)
-        for one, made in zip(found, commands, strict=True)
-    )
+    claims = tuple(_holds(one, one.name, seed, number) for one, number in zip(found, numbers, strict=True))
     findings = tuple(
         f"{one.name}: the simplest scene that misses is scenes/{one.name}.toml: {one.worst.sentence}"
         for one in shrunk
@@ -152,8 +150,64 @@ def random_scenes(seed: int, count: int, first: int = 0) -> Study:
     )
 
 
+def seed_of_today() -> int:
+    """The date as a number, such as 20261130."""
+    return int(f"{date.today():%Y%m%d}")
+
+
+def _drawn(seed: int, number: int) -> Drawn:
+    return Drawn(draw.written(draw.drawn(seed, number)), f"random-{seed}-{number}")
+
+
+def _holds(checked: Checked, scene: str, seed: int, number: int) -> Claim:
+    """What a scene comes to: the claim that is furthest from holding, in bounds."""
+    made = command("random", seed=seed, count=1, first=number)
+    return replace(checked.worst, scene=scene, value=_ratio(checked.worst), bound=1.0, command=made)
+
+
+@dataclass(frozen=True)
+class OfTheDate:
+    """A night's check: scenes that the date draws, which are others every night.
+
+    Attributes
+    ----------
+    first, count : which of them.
+    """
+
+    first: int
+    count: int
+
+    @property
+    def name(self) -> str:
+        """The words of the command but for the seed, which every claim's command states."""
+        return f"random scenes {self.first} to {self.first + self.count - 1} of the date"
+
+    @property
+    def bounded(self) -> bool:
+        """Steps are chosen by their error."""
+        return False
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes on one core."""
+        return SECONDS * self.count
+
+    def claims(self, folder: Path) -> list[Claim]:
+        """One of each scene, which has the same key every night."""
+        seed = seed_of_today()
+        return [
+            replace(
+                _holds(check(_drawn(seed, number), folder), f"random scene {number}", seed, number),
+                kind=ClaimKind.OTHER,
+                quantity="",
+                methods=METHODS,
+            )
+            for number in range(self.first, self.first + self.count)
+        ]
+
+
 def _task(asked: Drawn) -> Task:
-    return Task(check, asked, seconds=8.0 / 8**asked.coarser)
+    return Task(check, asked, seconds=SECONDS / 8**asked.coarser)
 
 
 def _shrink(asked: Drawn, checked: Checked) -> Generator[Sequence[Task], list[Checked], Checked]:

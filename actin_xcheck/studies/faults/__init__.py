@@ -305,8 +305,8 @@ def _a_percent_more(right: Function, x: Array) -> Array:
 
 
 def _overconfident(right: Function, *arguments: Any) -> tuple[float, str]:
-    size, how = right(*arguments)
-    return size / 10, how
+    size, *how = right(*arguments)
+    return size / 10, *how
 
 
 OF_JUDGES = (
