@@ -115,15 +115,15 @@ def test_modes_set_in_between_two_pixels(planes, closure):
     """In random rows: to the left of its border a mode does not grow, to the right a pair does."""
     one, random = planes[closure], np.random.default_rng(8)
     lines = {line.label: line.x for line in one.borders}
-    assert {label for label in lines if label.endswith("Re λ = 0")} == {
-        f"m = {m}, Re λ = 0" for m in range(3)
-    }
+    assert lines.keys() >= {f"m = {m}, Re λ = 0" for m in range(3)}
     for m in range(5):
         neutral = lines.get(f"m = {m}, Re λ = 0", np.full(one.y.size, np.inf))
         for row in random.choice(np.flatnonzero(one.y < SOFT), 8):
             model, right = plane(closure).varied(p=float(one.y[row])), np.searchsorted(one.x, neutral[row])
-            for psi, growing in [(one.x[right - 1], 0), (one.x[min(right, 399)], 2)][: 1 + (m < 3)]:
-                assert DiskModes(model.varied(psi=float(psi)), m).count(0.0) == growing, (psi, row, m)
+            for column, growing in ((right - 1, 0), (right, 2)):
+                if 0 <= column < one.x.size:
+                    found = DiskModes(model.varied(psi=float(one.x[column])), m).count(0.0)
+                    assert found == growing, (column, row, m)
 
 
 @pytest.mark.parametrize(("closure", "m"), [(Closure.REFERENCE_NORMAL, 2), (Closure.TRACTION_FREE, 1)])
