@@ -57,7 +57,10 @@ ENVIRONMENTS = {
         **{"XDG_CONFIG_HOME": "/nowhere", "MPLCONFIGDIR": "/nowhere"},
     },
     "another time": {"SOURCE_DATE_EPOCH": "0", "TZ": "Pacific/Kiritimati", "PYTHONHASHSEED": "12"},
-    "other paths": {"PYTHONPATH": ":/nowhere", "PYTHONWARNINGS": "error"},
+    "other paths": {
+        "PYTHONPATH": f":{os.environ.get('PYTHONPATH', '')}:/nowhere",
+        "PYTHONWARNINGS": "error",
+    },
     "HDF5 for others": {"HDF5_DRIVER": "mpio", "HDF5_USE_FILE_LOCKING": "TRUE"},
 }
 
