@@ -1,6 +1,6 @@
 """Reference meshes as plain arrays: disks and sectors with a line of nodes on the ring; measures on them.
 
-Meshes of another origin (`outline.py`, `distortion.py`) are without layers.
+Meshes of another origin (`outline.py`) are without layers.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """What a study has been answered, kept as it comes: a file of SQLite, each answer a small HDF5 image.
 
-Answers are found by what was asked and by a digest of the code that answers (`version.code`), so that a
+Answers are found by what was asked and by a digest of the code that answers (`provenance.code`), so that a
 checkout with changes takes up its own answers and nobody else's.  A process that is killed loses what had not
 come in.
 """

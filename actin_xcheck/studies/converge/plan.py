@@ -3,7 +3,7 @@
 With h goes dt ~ h^(order_h/order_dt), so that both parts of the error fall together; dt alone is refined on
 one mesh, against the next finer level (Richardson), which leaves the error in space out.  Levels are fixed
 and consecutive: none can be picked for its slope.  Of which scenes a method's orders are claimed follows from
-their data alone (`conditions.py`).
+their data alone (`verdicts/orders.py`).
 """
 
 import tomllib
