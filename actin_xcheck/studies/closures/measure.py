@@ -285,7 +285,7 @@ class Rim:
 
     @property
     def roughness(self) -> Array:
-        """See `rims.roughness`, (n_states,)."""
+        """See `roughness`, (n_states,)."""
         return roughness(self.rims)
 
     def lost(self, twin: "Rim") -> float:
