@@ -23,11 +23,3 @@ def raises(task: int) -> int:
 
 def process(task: object) -> int:
     return os.getpid()
-
-
-def killed_often(task: tuple[Path, int]) -> None:
-    """The second of the tasks kills its process, every time; the others leave a file."""
-    folder, number = task
-    if number == 1:
-        os.kill(os.getpid(), signal.SIGKILL)
-    (folder / str(number)).touch()

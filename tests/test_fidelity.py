@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from actin_xcheck.cli.app import main
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity, reduced, symmetry_of
@@ -155,20 +154,8 @@ def test_what_is_not_exact_is_refused(name, method, wanted, said):
     assert "valid: auto, full" in str(refused.value)
 
 
-def test_the_command_says_what_it_left_out(tmp_path, monkeypatch, capsys):
-    words = [
-        "run",
-        "fig14-four-fronts",
-        "--method",
-        "fem-p1-paper",
-        "--refine",
-        "3",
-        "--dt",
-        "0.05",
-        "--quiet",
-    ]
-    monkeypatch.setattr("sys.argv", ["actin_xcheck", *words, "--out", str(tmp_path / "a.vtkhdf")])
-    with pytest.raises(SystemExit) as left:
-        main()
-    assert left.value.code == 0
-    assert "sector: left out" in capsys.readouterr().out
+def test_the_command_says_what_it_left_out(command):
+    run = "run fig14-four-fronts --method fem-p1-paper --refine 3 --dt 0.05 --quiet --out a.vtkhdf"
+    done = command(run)
+    assert done.returncode == 0
+    assert "sector: left out" in done.stdout

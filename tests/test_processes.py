@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
@@ -19,12 +20,12 @@ import pytest
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.executor import cores, executor
-from actin_xcheck.runs.processes import ATTEMPTS
+from actin_xcheck.runs.processes import ATTEMPTS, Lost
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.mesh_file import LostError, aside
 from actin_xcheck.scene.scene import load_scene
-from tests.ending import killed_often, raises
-from tests.processes import cluster, started, wait_until
+from tests.ending import killed, process, raises
+from tests.processes import cluster, posix, started, wait_until
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 FOREVER = "import time; from actin_xcheck.scene.mesh_file import aside; aside(float('inf'), time.sleep, 300)"
@@ -174,13 +175,29 @@ def test_a_killed_process_of_a_comparison_is_replaced_and_its_run_made_again(tmp
     assert {read_run(path).attributes["outcome"] for path in runs} == {"completed"}
 
 
-@linux
-def test_what_is_killed_every_time_is_lost_and_the_others_are_finished(tmp_path):
+@posix
+def test_a_process_that_is_killed_costs_its_own_task_only(tmp_path: Path) -> None:
     with executor(2) as processes:
-        found = dict(processes.results(killed_often, [(tmp_path, number) for number in range(4)]))
-    assert re.fullmatch(rf"its process was ended by SIGKILL .*, {ATTEMPTS} times", found.pop(1).message)
-    assert set(found) == {0, 2, 3}
-    assert {path.name for path in tmp_path.iterdir()} == {"0", "2", "3"}
+        results = dict(processes.results(killed, [(tmp_path, number) for number in range(6)]))
+    lost = results.pop(3)
+    assert isinstance(lost, Lost)
+    assert re.fullmatch(rf"its process was ended by SIGKILL .*, {ATTEMPTS} times", lost.message)
+    assert results == {number: number**2 for number in (0, 1, 2, 4, 5)}
+    begun = Counter((tmp_path / "begun").read_text().split())
+    assert begun == {"0": 1, "1": 2, "2": 1, "3": ATTEMPTS, "4": 1, "5": 1}
+
+
+@posix
+def test_processes_serve_all_that_is_asked_of_them_and_one_that_ended_idle_is_replaced() -> None:
+    with executor(2) as processes:
+        first = {pid for _, pid in processes.results(process, range(8))}
+        assert len(first) <= 2
+        again = [pid for _, pid in processes.results(process, [0])]
+        assert first.issuperset(again)
+        os.kill(again[0], signal.SIGKILL)
+        wait_until(lambda: not Path(f"/proc/{again[0]}/exe").exists(), 10)
+        ((_, other),) = processes.results(process, [0])
+        assert other != again[0]
 
 
 def test_what_is_raised_says_where():

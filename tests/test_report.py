@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.contract import Frame
-from actin_xcheck.core.errors import Ending, Outcome, UserError
+from actin_xcheck.core.errors import Ending, Outcome
 from actin_xcheck.core.mesh import disk, signed_areas
 from actin_xcheck.report.film import film_strip
 from actin_xcheck.runs.method import METHODS
@@ -218,18 +218,6 @@ def test_links_lead_to_the_runs_beside_the_page(reported: tuple[Path, list[Claim
     page = reported[0]
     links = [link for link in Tags(page).attributes("a", "href") if link and not link.startswith("#")]
     assert sorted(links) == sorted(path.name for path in page.parent.glob("*.vtkhdf"))
-
-
-def test_the_same_files_give_the_same_page(tmp_path: Path) -> None:
-    write_comparison_of_everything(tmp_path, refine=2)
-    once = write_comparison_page(tmp_path / FILE_NAME).read_bytes()
-    assert write_comparison_page(tmp_path / FILE_NAME).read_bytes() == once
-
-
-def test_a_folder_without_a_comparison_is_the_users_mistake(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"compare\.h5: no such file"):
-        write_comparison_page(tmp_path / FILE_NAME)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_browser_shows_its_pictures(tab: Page, reported: tuple[Path, list[Claim]]) -> None:

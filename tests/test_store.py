@@ -374,14 +374,6 @@ def test_a_comparison_without_one_of_its_runs_is_refused(tmp_path: Path, mesh: M
         read_comparison(tmp_path / FILE_NAME)
 
 
-@pytest.mark.parametrize(
-    ("value", "verdict"),
-    [(1.0, "PASS"), (2.0, "PASS"), (2.0000001, "FAIL"), (float("nan"), "FAIL"), (float("-inf"), "FAIL")],
-)
-def test_a_claim_holds_if_its_value_is_finite_and_within_the_bound(value: float, verdict: str) -> None:
-    assert claim("…", value, 2.0).verdict == verdict
-
-
 @posix
 def test_a_file_is_read_without_a_lock(tmp_path: Path, mesh: Mesh) -> None:
     """Where there are none, to ask for one fails as it does where another has it."""

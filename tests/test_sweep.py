@@ -1,7 +1,5 @@
 """Sweeps: what a file asks for, that nothing is run twice, and that a lost process costs its own run only."""
 
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -20,13 +18,11 @@ from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs import executor as executors
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.numerics import Wanted
-from actin_xcheck.runs.processes import ATTEMPTS, Lost
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import sweep as sweeping
 from actin_xcheck.studies.sweep import LOG, Run, finished, read_table
 from actin_xcheck.studies.sweep.plan import points_of
-from tests.ending import killed, process, raises
-from tests.processes import cluster, posix, started, wait_until
+from tests.processes import cluster, started, wait_until
 from tests.test_cli import cli, one_line
 
 SMALL = """
@@ -221,36 +217,6 @@ def test_an_exception_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
         assert "unperturbed" in table["message"][1]
         assert np.isnan(table["area"][1])
         assert [starts(tmp_path / "out")[key] for key in table["key"]] == [1, times]
-
-
-@posix
-def test_a_process_that_is_killed_costs_its_own_task_only(tmp_path: Path) -> None:
-    with executor(2) as processes:
-        results = dict(processes.results(killed, [(tmp_path, number) for number in range(6)]))
-    lost = results.pop(3)
-    assert isinstance(lost, Lost)
-    assert str(ATTEMPTS) in lost.message
-    assert results == {number: number**2 for number in (0, 1, 2, 4, 5)}
-    begun = Counter((tmp_path / "begun").read_text().split())
-    assert begun == {"0": 1, "1": 2, "2": 1, "3": ATTEMPTS, "4": 1, "5": 1}
-
-
-@posix
-def test_processes_serve_all_that_is_asked_of_them_and_one_that_ended_idle_is_replaced() -> None:
-    with executor(2) as processes:
-        first = {pid for _, pid in processes.results(process, range(8))}
-        assert len(first) <= 2
-        again = [pid for _, pid in processes.results(process, [0])]
-        assert first.issuperset(again)
-        os.kill(again[0], signal.SIGKILL)
-        wait_until(lambda: not Path(f"/proc/{again[0]}/exe").exists(), 10)
-        ((_, other),) = processes.results(process, [0])
-        assert other != again[0]
-
-
-def test_what_a_task_raises_is_raised_here(tmp_path: Path) -> None:
-    with executor(1) as processes, pytest.raises(ValueError, match="task 0"):
-        list(processes.results(raises, [0, 1]))
 
 
 @pytest.mark.slow

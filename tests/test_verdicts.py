@@ -214,11 +214,21 @@ def test_a_study_of_the_last_time_has_no_bound_for_what_is_not_judged_then():
 
 
 @pytest.mark.parametrize(
-    ("value", "said"), [(0.25, "0.25 > 0.1"), (np.inf, "inf > 0.1"), (np.nan, "there is no number")]
+    ("value", "verdict", "said"),
+    [
+        (0.05, "PASS", ""),
+        (0.1, "PASS", ""),
+        (0.100001, "FAIL", "0.1 > 0.1"),
+        (0.25, "FAIL", "0.25 > 0.1"),
+        (np.inf, "FAIL", "inf > 0.1"),
+        (-np.inf, "FAIL", "-inf > 0.1"),
+        (np.nan, "FAIL", "there is no number"),
+    ],
 )
-def test_why_a_claim_fails(value, said):
-    failed = claim("holds", value, 0.1)
-    assert (failed.verdict, failed.excess) == ("FAIL", said)
+def test_a_claim_holds_if_its_value_is_finite_and_within_the_bound(value, verdict, said):
+    made = claim("holds", value, 0.1)
+    assert made.verdict == verdict
+    assert not said or made.excess == said
 
 
 def test_where_there_is_nothing_to_compare_that_is_what_is_said(still):
