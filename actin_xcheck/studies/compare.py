@@ -36,7 +36,7 @@ ARTICLES_METHODS = ("fem-p1-paper", "fv-paper")
 """The same in the article's scheme, for scenes that state the article's step."""
 
 DEFAULT_REFINE = 5
-"""2113 nodes for every scene: a comparison is over within a minute."""
+"""2113 nodes for every scene: a comparison is over in about a minute."""
 
 JUDGED = 0.5
 """Seconds in which the runs of a scene are judged, about."""

@@ -237,7 +237,7 @@ def _parting(one: Parting, styles: dict[str, int]) -> Intervals | None:
         return None
     elements, _, own = one.corners
     unit = elements.uncertainty + own.uncertainty
-    xlabel = "distance from FEM, in sums of the uncertainties of FEM and FV"
+    xlabel = "distance from FEM, in uncertainties"
     return _intervals(one, elements, unit, xlabel, [styles.get(name, _INK) for name in one.methods])
 
 

@@ -22,7 +22,8 @@ from actin_xcheck.verdicts.triangulate import (
     times_of,
 )
 
-LENT = "FV with FEM's force balance"
+LENT = "FV by FEM's balance"
+"""What a reader calls the volumes with a lent force balance."""
 
 
 @dataclass(frozen=True)
