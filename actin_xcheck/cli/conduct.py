@@ -8,7 +8,8 @@ import inspect
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -95,14 +96,20 @@ def carry_out(
 
     wanted = jobs_asked(jobs, scheduler)
     with studies.at_work(make_folder(folder), force), Progress(quiet) as progress:
-        try:
-            with executor(wanted, scheduler) as processes:
-                tell = saying_the_cost(progress, processes.workers)
-                report = studies.carry_out(name, study, folder, command(), processes, tell)
-        except BaseException as end:
-            end.add_note(f" in {folder}; the same command with --out {folder} goes on")
-            raise
+        with kept_in(folder), executor(wanted, scheduler) as processes:
+            tell = saying_the_cost(progress, processes.workers)
+            report = studies.carry_out(name, study, folder, command(), processes, tell)
         return report, page_of(folder / f"{name}.h5")
+
+
+@contextmanager
+def kept_in(folder: Path, again: str = "") -> Iterator[None]:
+    """Have whatever ends the work within it say where what is finished lies, and what goes on with it."""
+    try:
+        yield
+    except BaseException as end:
+        end.add_note(f" in {folder}; {again or f'the same command with --out {folder}'} goes on")
+        raise
 
 
 def saying_the_cost(progress: "Progress", workers: int, most: float = math.inf) -> "Tell":

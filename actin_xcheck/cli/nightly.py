@@ -92,7 +92,7 @@ def spend(
     kernel : seconds that the reference kernel takes; None: to be measured.
     how : see `carry_through`.
     """
-    from actin_xcheck.cli.conduct import saying_the_cost
+    from actin_xcheck.cli.conduct import kept_in, saying_the_cost
     from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.core.files import replace_file
     from actin_xcheck.nightly.carry_out import carry_through
@@ -103,7 +103,7 @@ def spend(
     seconds = kernel or float(reference_kernel()[0])
     with processes as workers, begun(wish, suite, seconds) as tonight:
         left = tonight.deadline - time.time()
-        with Progress(quiet, left) as progress:
+        with Progress(quiet, left) as progress, kept_in(tonight.kept.folder, "nightly --resume"):
             tell = saying_the_cost(progress, workers.workers, left)
             kept = carry_through(tonight, wish.history, workers, tell, away, **how)
         replace_file(kept.folder / JUNIT, junit(kept))

@@ -364,7 +364,7 @@ def sweep_command(
     A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for
     a mistake in what was asked.
     """
-    from actin_xcheck.cli.conduct import saying_the_cost
+    from actin_xcheck.cli.conduct import kept_in, saying_the_cost
     from actin_xcheck.cli.output import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
@@ -376,7 +376,7 @@ def sweep_command(
     folder = report_folder(out_dir, "sweep")
     runs = runs_of(file, method, asked, command())
     make_folder(folder)
-    with Progress(quiet) as progress:
+    with Progress(quiet) as progress, kept_in(folder):
         tell = saying_the_cost(progress, processes)
         table, made = carry_out(runs, folder, processes, scheduler, tell, command(), force)
     raise typer.Exit(_told(_answer(table, made), json))
