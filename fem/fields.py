@@ -91,7 +91,8 @@ def _inverted(space: Space, nodes: Array, points: Array) -> tuple[Array, Array]:
         steps = np.array([d * left[0] - b * left[1], a * left[1] - c * left[0]])
         # a point of the cell has coordinates in [0, 1]: nothing is lost, and nothing runs away
         before, r = r, np.clip(r + steps / np.where(determinant == 0, 1.0, determinant), -1, 2)
-        if np.abs(r - before).max(initial=0.0) < 1e-15:
+        lost = (np.abs(r - 0.5) == 1.5).any(axis=0)  # held at the bounds, outside of the cell
+        if (lost | (np.abs(r - before).max(axis=0) < 1e-15)).all():
             break
     outside = np.maximum(np.maximum(-r, 0).max(axis=0), r.sum(axis=0) - 1)
     missed = np.hypot(*(points - np.einsum("iaq,aq->iq", nodes, element.tabulate(r)[0]))) > 1e-10

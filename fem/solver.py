@@ -53,7 +53,10 @@ class TransportMatrices:
 
     @cached_property
     def _mass(self) -> sp.csr_matrix:
-        return self.space.scalars.matrix(self.space.inside.at(self.x).mass())
+        return self._mass_at(self.x)
+
+    def _mass_at(self, x: Array) -> sp.csr_matrix:
+        return self.space.scalars.matrix(self.space.inside.at(x).mass())
 
     @cached_property
     def _stiffness(self) -> sp.csr_matrix:

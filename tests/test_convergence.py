@@ -136,7 +136,8 @@ def test_a_ring_that_data_do_not_fit_is_seen(this, other):
 def test_without_arguments_every_method_that_moves_its_nodes_is_studied():
     chosen = {name: commands.moving_their_own(name, named=False) for name in commands.CONVERGED}
     studied = {method for methods in chosen.values() for method in methods}
-    assert studied == {one.name for one in METHODS.values() if one.driven_by is None or not one.order_h}
+    claimed = [one for one in METHODS.values() if one.space < 5]  # above P4 no order is claimed
+    assert studied == {one.name for one in claimed if one.driven_by is None or not one.order_h}
     assert "fem-p4-imex4" not in chosen["smooth-fronts"]
     assert "fem-p4-imex4" in commands.moving_their_own("smooth-fronts", named=True)
 

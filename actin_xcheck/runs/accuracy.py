@@ -56,7 +56,7 @@ class AccuracyLevel:
 
 LEVELS = (
     AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 3e-4, SHARE),
-    AccuracyLevel(METHODS["fem-p6-imex5"], 1, 3e-5, 2e-4, BOTH),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 1, 3e-5, 2.5e-4, BOTH),
     AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 3e-5, 0.4),
     AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1.5e-6, 0.25),
     AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.25),
@@ -84,6 +84,9 @@ BERTH = 2.0
 
 OF_A_STEP = 0.1
 """Of a step's tolerance, the least error in time: steps differ from mesh to mesh, and changes may flatter."""
+
+COARSE, FINE = "coarse", "fine"
+"""Names of runs that are not delivered."""
 
 AGAIN = 0.01
 """Two levels that fail alike, at times this close to each other, relative: then it is the model that ends."""
@@ -137,10 +140,10 @@ def deliver(
         # a level is no answer: it stands beside until it is the last
         beside = Path(folder) / path.name
 
-        def solve(method: Method, refine: int, rtol: float, name: str) -> tuple[Outcome, Run]:
+        def solve(level: AccuracyLevel, rtol: float, name: str) -> tuple[Outcome, Run]:
             file = Path(folder) / name
-            numerics = Numerics(method, refine, scene.time.end, rtol, reduction)
-            outcome = run(scene, numerics, file, command, progress)
+            numerics = Numerics(level.method, level.refine, scene.time.end, rtol, reduction)
+            outcome = run(scene, numerics, file, command, progress, passing=name != path.name)
             return outcome, read_run(file)
 
         reached = _Climb(scene, accuracy, beside, reduction, solve).to_the_finest_needed(levels)
@@ -161,7 +164,7 @@ class _Climb:
     ----------
     scene, accuracy, reduction : what is run, what for and how much of it.
     path : where the run of the last level is left.
-    solve : runs a method at a refinement and a tolerance and leaves it in a file of this name beside `path`.
+    solve : runs a level with a tolerance and leaves it in a file of this name beside `path`.
     """
 
     def __init__(
@@ -170,7 +173,7 @@ class _Climb:
         accuracy: float,
         path: Path,
         reduction: Reduction,
-        solve: Callable[[Method, int, float, str], tuple[Outcome, Run]],
+        solve: Callable[[AccuracyLevel, float, str], tuple[Outcome, Run]],
     ) -> None:
         self.scene, self.accuracy, self.path, self.solve = scene, accuracy, path, solve
         self.reduction = reduction
@@ -185,11 +188,13 @@ class _Climb:
         failed: Run | None = None
         completed: list[AccuracyLevel] = []
         for level in levels[_first_of(levels, self.accuracy) :]:
-            if len(completed) == 2:
-                self._find_tolerance(completed[0])
-            elif len(completed) == 1:
+            if len(completed) == 1:
                 self.rtol = _finer(self.rtol)
-            outcome, now = self.solve(level.method, level.refine, self.rtol, self.path.name)
+            elif len(completed) > 1 and math.isnan(self.in_time):
+                self._find_tolerance(completed[0])
+            # the first one to stand is never the last
+            name = self.path.name if completed or failed else COARSE
+            outcome, now = self.solve(level, self.rtol, name)
             estimate = math.nan
             if outcome.ok:
                 completed.append(level)
@@ -198,7 +203,7 @@ class _Climb:
                     self.shares.append(self._share(level, now) if told else SHARE if failed else BOTH)
                     self.changes.append(self._change(before, now))
                 estimate = estimated(self.changes, self.shares) + self._neglected()
-                estimate += 0.0 if math.isnan(self.in_time) else self.in_time
+                estimate += self.in_time if len(completed) > 2 else 0.0
                 self.runs[level.method.name, level.refine] = before = now
             reached = Delivered(
                 outcome, replace(level, rtol=self.rtol), self.reduction, estimate, tuple(self.changes)
@@ -211,9 +216,9 @@ class _Climb:
     def _find_tolerance(self, level: AccuracyLevel) -> None:
         """Tighten the tolerance on a coarse level until steps use up their part of the accuracy."""
         self.rtol = min(LOOSEST, self.accuracy)
-        _, now = self.solve(level.method, level.refine, self.rtol, "coarse.vtkhdf")
+        _, now = self.solve(level, self.rtol, COARSE)
         while True:
-            outcome, better = self.solve(level.method, level.refine, _finer(self.rtol), "finer.vtkhdf")
+            outcome, better = self.solve(level, _finer(self.rtol), FINE)
             if not outcome.ok:
                 return
             self.in_time = max(BERTH * self._change(now, better), OF_A_STEP * self.rtol)

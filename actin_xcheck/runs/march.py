@@ -213,8 +213,9 @@ class Recorder:
         writer: RunWriter,
         amplitude: Amplitude | None,
         progress: Progress,
+        passing: bool = False,
     ) -> None:
-        self.solver, self.writer = solver, writer
+        self.solver, self.writer, self.passing = solver, writer, passing
         self.amplitude, self.progress, self.step = amplitude, progress, writer.rows
         self.end = scene.output_times[-1]
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
@@ -234,7 +235,7 @@ class Recorder:
             "balance_residual": state.balance_residual,
             "local_error": state.local_error,
             "centroid": measured.centroid,
-            "polarity": observables.polarity(measured.rim),
+            "polarity": np.nan if self.passing else observables.polarity(measured.rim),
             "a_min": state.a.min(),
             "a_max": state.a.max(),
             "jacobian_min": measured.jacobian_min,
@@ -269,7 +270,8 @@ class Keeper:
     Parameters
     ----------
     solver, writer : of the run.
-    began : when it would have begun had it never been interrupted, by `time.perf_counter`.
+    began : when it would have begun had it never been interrupted, by `time.perf_counter`; a time that does
+        not come for one that keeps nothing.
     stop : says whether it has to stop.
     """
 

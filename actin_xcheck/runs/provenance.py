@@ -147,13 +147,21 @@ def provenance() -> dict[str, str]:
     The commit is "unknown" where the package does not lie in a git checkout, and ends in "-dirty" where the
     checkout has changes.
     """
-    versions = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            versions[package.lower()] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            versions[package.lower()] = "not installed"
-    return versions | {"platform": platform.platform(), "commit": _commit()}
+    versions = {package.lower(): _version(package) for package in PACKAGES}
+    return {
+        "python": platform.python_version(),
+        **versions,
+        "platform": platform.platform(),
+        "commit": _commit(),
+    }
+
+
+@cache
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def _commit() -> str:

@@ -1,6 +1,7 @@
 """From a scene and a method to a stored run: bind the physics to the numerics, integrate, write."""
 
 import json
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
@@ -128,6 +129,7 @@ def run(
     progress: Progress = lambda done, total: None,
     resume: bool = False,
     stop: Callable[[], int] = lambda: 0,
+    passing: bool = False,
 ) -> Outcome:
     """Run a scene and store everything about it; return its Outcome, which the file holds too.
 
@@ -142,6 +144,7 @@ def run(
     resume : whether to go on from the checkpoint that an interrupted run of the same kind has left, to the
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
     stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
+    passing : whether it will be compared and thrown away: without polarity (nan) and checkpoints.
 
     Raises UserError where the file cannot be written, another process writes it, or `resume` finds another
     run there.
@@ -160,10 +163,11 @@ def run(
         amplitude = amplitude_of(scene, numerics, solver)
         delta, grid = scene.physics.delta_on_cells(solver.mesh.centroids), solver.grid
         with RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer:
-            recorder = Recorder(scene, solver, writer, amplitude, progress)
+            recorder = Recorder(scene, solver, writer, amplitude, progress, passing)
             begin = taken_up(solver, writer) if goes_on else None
             march = March(solver, numerics, scene.output_times, begin)
-            outcome = _followed(march, recorder, Keeper(solver, writer, began, stop))
+            keeper = Keeper(solver, writer, math.inf if passing else began, stop)
+            outcome = _followed(march, recorder, keeper)
             if outcome.ending is Ending.TANGLED:
                 outcome = _told(outcome, scene, numerics, solver, march.state)
             if outcome.ending is not Ending.INTERRUPTED:

@@ -187,6 +187,11 @@ def why_not(scene: Scene, method: Method, quantity: Quantity) -> str:
     """Why the method's orders are not claimed of a quantity of the scene; empty where they are."""
     if not method.order_h:
         return "declared to stall: the exhibit of what does not converge on triangles"
+    if method.order_dt > 4:
+        return (
+            "on the few meshes that round-off leaves to P5 and above local orders have not settled, and the "
+            "stages, which are of order 2, keep a near order 4.4 in time: tests hold elements and pair apart"
+        )
     if scene.expect.exact:
         if method.order_dt > 2 and not _flux_of_change(scene) <= _NOTHING:
             return (

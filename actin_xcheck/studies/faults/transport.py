@@ -45,15 +45,15 @@ def _first_stiffness(right: Function, self: Any) -> Any:
     return right(_FIRST.setdefault(self.rule, self))
 
 
-def _stops_early(right: Function, matrix: Any, rhs: Array, near: Any) -> Array | None:
+def _stops_early(right: Function, matrix: Any, rhs: Array, near: Any, start: Any) -> Array | None:
     linear = import_module("actin_xcheck.core.linear")
-    found: Array | None = linear._conjugate_gradients(matrix, rhs, near, LOOSE)
+    found: Array | None = linear._conjugate_gradients(matrix, rhs, near, LOOSE * np.linalg.norm(rhs))
     return found
 
 
-def _stops_at_1e_8(right: Function, matrix: Any, rhs: Array, near: Any) -> Array | None:
+def _stops_at_1e_8(right: Function, matrix: Any, rhs: Array, near: Any, start: Any) -> Array | None:
     linear = import_module("actin_xcheck.core.linear")
-    found: Array | None = linear._conjugate_gradients(matrix, rhs, near, 1e-8)
+    found: Array | None = linear._conjugate_gradients(matrix, rhs, near, 1e-8 * np.linalg.norm(rhs))
     return found
 
 
@@ -194,7 +194,7 @@ FAULTS = (
         "imex-mass-stale",
         "The mass matrix of all stages is that of the reference disk.",
         "fem",
-        f"{_IMEX}._mass",
+        "fem.solver:TransportMatrices._mass_at",
         _mass_at_rest,
     ),
     Fault(
