@@ -110,7 +110,7 @@ def test_errors_in_space_and_time_fall_together_along_a_ladder(name):
     assert np.diff([point.refine for point in rungs]).tolist() == [1] * (len(rungs) - 1)
     if method.adaptive:
         fall = [coarse.rtol / fine.rtol for coarse, fine in pairwise(rungs)]
-        assert fall == pytest.approx([2.0**order] * len(fall), rel=0.4)  # rounded to one digit
+        assert fall == pytest.approx([2.0**order] * len(fall), rel=0.6)  # rounded to one digit, both
     else:
         fall = [coarse.dt / fine.dt for coarse, fine in pairwise(rungs)]
         assert fall == pytest.approx([2.0 ** (order / method.order_dt)] * len(fall))

@@ -1,5 +1,6 @@
 """Ripples of the moving rim: their formula, what methods make of it, refinement, the file and its page."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +13,21 @@ from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 from actin_xcheck.report.page import write_page
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.closures import METHODS, ROUGH_SCENE, closures, plan
-from actin_xcheck.studies.closures import measure as growth
 from actin_xcheck.studies.closures.findings import (
     JUDGED,
     departure,
     ladders,
 )
-from actin_xcheck.studies.closures.measure import Course, Rim, Ripples, distance, follow, measure, roughness
+from actin_xcheck.studies.closures.measure import (
+    Course,
+    Rim,
+    Ripples,
+    _rims,
+    distance,
+    follow,
+    measure,
+    roughness,
+)
 from actin_xcheck.theory.dispersion import advance_per_fold, contrast, half_plane_rate, ripple_exponent
 from fem.force_balance import ForceBalance
 from tests.small import RIMS
@@ -114,13 +123,13 @@ def test_with_reference_normal_every_ripple_keeps_its_share_of_the_radius(method
 
 @pytest.mark.parametrize("ends", [{4}, {0}])
 def test_a_run_that_fails_is_stored_and_drawn_as_a_gap(ends, tmp_path, monkeypatch):
-    said, right = "singular dilation, 1 + phi reaches zero at t = 0.001", growth._rims
+    said, right = "singular dilation, 1 + phi reaches zero at t = 0.001", _rims
 
     def fails(asked, m):
         rims, message = right(asked, m)
         return rims, said if m in ends else message
 
-    monkeypatch.setattr(growth, "_rims", fails)
+    monkeypatch.setattr(sys.modules[measure.__module__], "_rims", fails)
     asked = [replace(RIMS[0], closure=closure) for closure in (CURRENT, REFERENCE)]
     report = carry(tmp_path, closures([*asked, *RIMS[3:]]), name="closures")
     failed = [bool(row.message) for row in report.tables["ripples"].rows]

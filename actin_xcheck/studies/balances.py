@@ -134,12 +134,12 @@ class Balanced:
         return self.held(self.flow(FORCE_BALANCE), self.flow(FV_FORCE_BALANCE))
 
     def flow(self, balance: str) -> Move:
-        """The second of two steps of a force balance, "module:Class"; the first one is under other actin."""
+        """The second of two steps of a force balance, "module:Class"; the first at rest, under other actin."""
         load, dt = LOADS[self.load], 0.02
         mesh = disk(self.refine, load.model.parameters.l0)
         code, x = loaded(balance)(load.model, mesh), load.moved(mesh.xi)
-        for a in (0.7 + 0 * mesh.xi[0], load.a(mesh.xi)):
-            move: Move = code.advance(0.0, dt, x, a[mesh.triangles])
+        for nodes, a in ((mesh.xi, 0.7 + 0 * mesh.xi[0]), (x, load.a(mesh.xi))):
+            move: Move = code.advance(0.0, dt, nodes, a[mesh.triangles])
         return replace(move, x=(move.x - x) / dt if move.outcome.ok else np.full_like(x, np.nan))
 
     def held(self, elements: Move, volumes: Move) -> list[Claim]:

@@ -177,8 +177,8 @@ class Judged:
     claims: tuple[Claim, ...]
     triangles: tuple[Triangle, ...]
     known: KnownTo
-    finals: tuple[FinalValue, ...] = ()
     parted: tuple[tuple[str, str], ...] = ()
+    finals: tuple[FinalValue, ...] = ()
 
 
 def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> Judged:
