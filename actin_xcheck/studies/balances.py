@@ -134,7 +134,7 @@ class Balanced:
         return self.held(self.flow(FORCE_BALANCE), self.flow(FV_FORCE_BALANCE))
 
     def flow(self, balance: str) -> Move:
-        """The second of two steps of a force balance, "module:Class"; the first at rest, under other actin."""
+        """The second of two steps of a force balance, "module:Class"; the first at rest, with other actin."""
         load, dt = LOADS[self.load], 0.02
         mesh = disk(self.refine, load.model.parameters.l0)
         code, x = loaded(balance)(load.model, mesh), load.moved(mesh.xi)
