@@ -19,6 +19,7 @@ from actin_xcheck.runs.numerics import Numerics, chosen_steps, run_seconds, seco
         ("fem-p2-imex3", 4, 48.6),
         ("fem-p4-imex4", 1, 23.1),
         ("fem-p4-imex4", 2, 58.8),
+        ("fem-p8-imex5", 2, 61.0),
         ("fv-coupled", 3, 9.9),
         ("fv-coupled", 4, 13.0),
         ("fv-order2", 3, 17.1),
