@@ -29,7 +29,7 @@ ITERATIONS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Operator:
+class TransportOperator:
     """FiPy's matrix minus `scale` times the cross flux, applied factor by factor.
 
     Attributes
@@ -101,7 +101,9 @@ def iterate(
     return found
 
 
-def solve(operator: Operator, rhs: Array, guess: Array, inverse: Inverse | None) -> tuple[Array, Outcome]:
+def solve(
+    operator: TransportOperator, rhs: Array, guess: Array, inverse: Inverse | None
+) -> tuple[Array, Outcome]:
     """Solve a system of transport by iteration, directly where that fails.
 
     Parameters

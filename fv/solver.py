@@ -128,7 +128,7 @@ class FvDiamond(Polygonal[FvState]):
         if self.consistent:
             coefficients, from_vertices = over_relaxed_split(self.faces, new.x)
             matrix, rhs = self.equation.system(*held, coefficients, source)
-            operator = krylov.Operator(matrix, from_vertices, to_vertices, model.parameters.d)
+            operator = krylov.TransportOperator(matrix, from_vertices, to_vertices, model.parameters.d)
             a, outcome = krylov.solve(operator, rhs, old.a, krylov.factorise(matrix))
         else:
             a, outcome = linear.solve(*self.equation.system(*held, two_point(self.faces, new.x), source))
@@ -258,7 +258,7 @@ class FvSecondOrder(FvDiamond):
         source, to_vertices = self._source(here.t, here.x), vertex_interpolation(self.faces, here.x)
         coefficients, from_vertices = over_relaxed_split(self.faces, here.x)
         matrix, rhs = self.equation.stage(dt, carried, volumes, coefficients, source)
-        operator = krylov.Operator(matrix, from_vertices, to_vertices, model.parameters.d)
+        operator = krylov.TransportOperator(matrix, from_vertices, to_vertices, model.parameters.d)
         inverse = inverse or krylov.factorise(matrix)  # the first stage is close enough
         a, outcome = krylov.solve(operator, rhs, carried / volumes, inverse)
         corners = reconstruct(triangles, a, to_vertices @ a)

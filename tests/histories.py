@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from actin_xcheck.nightly.history import Series
-from actin_xcheck.nightly.record import Kind, Night
+from actin_xcheck.nightly.record import Night, NumberKind
 
 NIGHTS = 60
 ROUND_OFF = 1e-9
@@ -19,7 +19,7 @@ def night(number: int, **other) -> Night:
     return replace(made, **other)
 
 
-def series(key: str, kind: Kind, values, **other) -> Series:
+def series(key: str, kind: NumberKind, values, **other) -> Series:
     values = np.asarray(values, dtype=float)
     return Series(key, kind, "", tuple(night(i + 1, **other) for i in range(len(values))), values)
 
@@ -37,10 +37,10 @@ def history(seed: int, others: int = 20) -> list[Series]:
     """60 nights: an order loses 0.2 in night 37, a time a fifth in night 45, and 10 % noise elsewhere."""
     random = np.random.default_rng(seed)
     found = [
-        series("order/dropped", Kind.ORDER, 2 + noise(random, 0.02) - 0.2 * later(37)),
-        series("time/slower", Kind.TIME, 3 * np.exp(noise(random)) * 1.2 ** later(45)),
+        series("order/dropped", NumberKind.ORDER, 2 + noise(random, 0.02) - 0.2 * later(37)),
+        series("time/slower", NumberKind.TIME, 3 * np.exp(noise(random)) * 1.2 ** later(45)),
     ]
     for number in range(others):
-        kind = (Kind.TIME, Kind.ERROR, Kind.MEMORY, Kind.RATE)[number % 4]
+        kind = (NumberKind.TIME, NumberKind.ERROR, NumberKind.MEMORY, NumberKind.RATE)[number % 4]
         found.append(series(f"{kind}/{number}", kind, 5 * np.exp(noise(random))))
     return found

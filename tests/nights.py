@@ -16,7 +16,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
 from actin_xcheck.nightly.items import NotDecided
 from actin_xcheck.nightly.plan import KERNEL, Wish
-from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, Number, read_night
+from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Number, NumberKind, read_night
 from actin_xcheck.runs.executor import in_turn as in_this_process
 from tests.claims import claim
 from tests.processes import in_turn
@@ -57,7 +57,7 @@ class Stub:
         (folder / "kept.txt").write_text("a file")
         made = claim(f"claim of {self.name}", self.value, command="again", path="/run/x", note="why")
         return Done(
-            self.name, (made,), ("kept.txt",), (Number(f"error/{self.name}", Kind.ERROR, self.value),)
+            self.name, (made,), ("kept.txt",), (Number(f"error/{self.name}", NumberKind.ERROR, self.value),)
         )
 
 

@@ -9,7 +9,7 @@ from actin_xcheck.api import cross_check
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.executor import in_turn
-from actin_xcheck.studies.audit import Finding, Judgement, Row, paper, rows, write_audit_page
+from actin_xcheck.studies.audit import AuditRow, Finding, Judgement, paper, rows, write_audit_page
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.study import Report, write_report
@@ -37,7 +37,7 @@ def _curves(folder, monkeypatch):
 def _audit(folder, monkeypatch):
     shown = tuple(one for one in exhibits() if "EVIL" not in one.key)
     finding = Finding(Judgement.MISPRINT, "3 & 4", "because", (*shown, *_lopsided()), {"x": 1.5})
-    monkeypatch.setitem(rows(), "eq3.7", Row("eq3.7", lambda: finding))
+    monkeypatch.setitem(rows(), "eq3.7", AuditRow("eq3.7", lambda: finding))
     carry(folder, paper(["eq3.7"]), name="paper")
     return write_audit_page(folder / "paper.h5")
 

@@ -22,19 +22,19 @@ from actin_xcheck.studies.closures import ROUGH_SCENE, closures
 from actin_xcheck.studies.closures.measure import Course, Ripples
 from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge import converge
-from actin_xcheck.studies.converge.plan import Level as Mesh
 from actin_xcheck.studies.converge.plan import Refined, Refinement, refinements_of
+from actin_xcheck.studies.converge.plan import RefinedLevel as Mesh
 from actin_xcheck.studies.coverage import coverage
 from actin_xcheck.studies.distort import distort
 from actin_xcheck.studies.distort.cases import FAMILIES
 from actin_xcheck.studies.extremes import extremes
-from actin_xcheck.studies.extremes.attempt import Level, Trial
+from actin_xcheck.studies.extremes.attempt import Trial, TrialLevel
 from actin_xcheck.studies.faults import FAULTS, hunt
 from actin_xcheck.studies.faults.fault import Fault, unchanged
 from actin_xcheck.studies.frontier import frontier
 from actin_xcheck.studies.frontier.planes import Axis, Plane
 from actin_xcheck.studies.journal import stated
-from actin_xcheck.studies.random_scenes import Checked, Drawn, random_scenes
+from actin_xcheck.studies.random_scenes import CheckedScene, DrawnScene, random_scenes
 from actin_xcheck.studies.study import Report, Study
 from tests.claims import claim
 from tests.lab import FEM, FV, scene_of
@@ -88,17 +88,17 @@ def coarse(name: str, *methods: str) -> list[Refinement]:
     return [replace(one, levels=levels[one.refined]) for one in planned]
 
 
-def checked(asked: Drawn, folder: Path) -> Checked:
+def checked(asked: DrawnScene, folder: Path) -> CheckedScene:
     """In place of many runs: a miss as long as the pressure pushes outwards."""
     value = 2.0 if parse_scene(asked.scene, asked.name).parameters.p > 0 else 0.5
     made = claim("they agree", value, kind=ClaimKind.TRIANGLE, quantity="area", scene=asked.name)
-    return Checked(asked.name, asked.scene, (made,))
+    return CheckedScene(asked.name, asked.scene, (made,))
 
 
-def drawn(asked: tuple[str, str], folder: Path) -> theory.Drawn:
+def drawn(asked: tuple[str, str], folder: Path) -> theory.DrawnChapter:
     """In place of minutes of theory: tables by what was asked for."""
     keys = ("fig01", "fig02", "fig03", "fig21a") if asked[0] == "curves" else ("-".join(asked),)
-    return theory.Drawn(tuple(Sheet(key, key, "", (("a", "b"), ("1", "2"))) for key in keys))
+    return theory.DrawnChapter(tuple(Sheet(key, key, "", (("a", "b"), ("1", "2"))) for key in keys))
 
 
 SMALL: dict[str, Callable[[], Study]] = {
@@ -111,7 +111,7 @@ SMALL: dict[str, Callable[[], Study]] = {
         [(load_scene("static-decay"), [FAMILIES["slivers"]])], [METHODS[P1_IMEX]], LEVELS[1:3]
     ),
     "extremes": lambda: extremes(
-        [Trial(STRONG, Level(method, 2, 1e-4), epsilon=1e-10) for method in (P2_IMEX, "fem-p3-imex4")]
+        [Trial(STRONG, TrialLevel(method, 2, 1e-4), epsilon=1e-10) for method in (P2_IMEX, "fem-p3-imex4")]
     ),
     "faults": lambda: hunt([FAULTS["fv-leak"], NOTHING], [STILL]),
     "paper": lambda: paper(["fig20a", "eq3.7"], said=True),

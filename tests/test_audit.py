@@ -16,10 +16,10 @@ from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit import (
-    Entry,
+    AuditEntry,
+    AuditRow,
     Finding,
     Judgement,
-    Row,
     article,
     paper,
     rows,
@@ -27,7 +27,7 @@ from actin_xcheck.studies.audit import (
     table,
     write_audit_page,
 )
-from actin_xcheck.studies.audit.checks import FAILS, HOLDS, OPEN, Check, judged
+from actin_xcheck.studies.audit.checks import FAILS, HOLDS, OPEN, RowCheck, judged
 from actin_xcheck.studies.audit.readouts import (
     area_change,
     displacement_likeness,
@@ -36,7 +36,7 @@ from actin_xcheck.studies.audit.readouts import (
     pattern,
     rim_excess,
 )
-from actin_xcheck.studies.audit.runs import FEM, Cell, Evidence, Family, Limit
+from actin_xcheck.studies.audit.runs import FEM, Evidence, Limit, RunCell, RunFamily
 from actin_xcheck.studies.audit.scheme import UnprojectedKrylov
 from actin_xcheck.studies.stored import run_stored
 from tests.studies import carry
@@ -56,12 +56,12 @@ from tests.studies import carry
     ],
 )
 def test_a_check_holds_or_fails_only_beyond_the_uncertainty(value, uncertainty, state):
-    assert Check("between 0 and 1", area_change, 1.0, 0, 1).state(Limit(value, uncertainty)) == state
+    assert RowCheck("between 0 and 1", area_change, 1.0, 0, 1).state(Limit(value, uncertainty)) == state
 
 
 def test_the_limit_is_extrapolated_and_its_uncertainty_covers_what_is_left(monkeypatch):
     levels = ((3, 0.1), (4, 0.1), (5, 0.1), (4, 0.05), (4, 0.025))
-    evidence = Evidence(Family("fig14-four-fronts", "x", "", (), FEM, levels), {})
+    evidence = Evidence(RunFamily("fig14-four-fronts", "x", "", (), FEM, levels), {})
     evidence.__dict__["runs"] = {level: level for level in levels}
 
     def expansion(level, readout, t):
@@ -77,7 +77,7 @@ def test_the_limit_is_extrapolated_and_its_uncertainty_covers_what_is_left(monke
 def test_a_varied_scene_keeps_its_physics_and_expects_nothing():
     scene = load_scene("fig14-four-fronts")
     changes = (("model.closure", "traction-free"), ("time.outputs", (0.01, 0.1)), ("time.end", 0.1))
-    (job,) = Family(scene.name, "other", "", changes, FEM, ((2, 0.1),)).jobs().values()
+    (job,) = RunFamily(scene.name, "other", "", changes, FEM, ((2, 0.1),)).jobs().values()
     other = job.scene
     assert other.physics.closure is Closure.TRACTION_FREE
     assert other.parameters == scene.parameters
@@ -86,7 +86,7 @@ def test_a_varied_scene_keeps_its_physics_and_expects_nothing():
 
 
 def test_a_cell_is_run_as_published_by_both_codes_and_under_every_reading():
-    fem, fv, *readings = Cell("fig14-four-fronts", 60).families()
+    fem, fv, *readings = RunCell("fig14-four-fronts", 60).families()
     assert (fem.method, fv.method) == ("fem-p1-paper", "fv-coupled")
     assert fem.published == (6, 1.0228e-3)
     assert len({reading.reading for reading in (fem, *readings)}) == 2 * 3
@@ -96,9 +96,9 @@ def test_a_cell_is_run_as_published_by_both_codes_and_under_every_reading():
 def test_every_cell_is_a_scene_that_some_row_needs():
     used = {name for said in article().values() for name in (said.get("cell"), *said.get("cells", ()))}
     assert used - {None} == set(table("cells.toml"))
-    (failing,) = Cell.named("sec54-failure").families()
+    (failing,) = RunCell.named("sec54-failure").families()
     assert failing.levels == ((6, 6.0228e-4),)
-    assert dict(Cell.named("fig14").changes)["time.outputs"][0] == 15 * 1.0228e-3
+    assert dict(RunCell.named("fig14").changes)["time.outputs"][0] == 15 * 1.0228e-3
 
 
 @pytest.fixture(scope="module")
@@ -106,8 +106,8 @@ def cell(tmp_path_factory):
     """Evidence of a short expansion, coarse but of every kind."""
     folder = tmp_path_factory.mktemp("audit")
     changes = (("time.end", 0.004), ("time.outputs", (0.004,)))
-    families = Cell("fig16-uniform-expansion", 2, changes, "test", (Closure.REFERENCE_NORMAL,)).families()
-    families = [Family(s.scene, s.label, s.reading, s.changes, s.method, s.levels) for s in families]
+    families = RunCell("fig16-uniform-expansion", 2, changes, "test", (Closure.REFERENCE_NORMAL,)).families()
+    families = [RunFamily(s.scene, s.label, s.reading, s.changes, s.method, s.levels) for s in families]
     for job in {job.file: job for family in families for job in family.jobs().values()}.values():
         run_stored(job, folder)
     return [Evidence.of(family, folder) for family in families]
@@ -127,8 +127,8 @@ def test_a_row_follows_its_numbers(cell, monkeypatch):
         assert "FEM" in finding.computed
         assert "FV" in finding.computed
         assert {type(exhibit).__name__ for exhibit in finding.exhibits} == {"Sheet", "Shots", "Plot"}
-    assert judged([Check.of(expands)], "Because.", *cell).reason.endswith("Because.")
-    assert Check("has fronts", fronts, 0.004, 3.5, 4.5).interval == "3.5 … 4.5"
+    assert judged([RowCheck.of(expands)], "Because.", *cell).reason.endswith("Because.")
+    assert RowCheck("has fronts", fronts, 0.004, 3.5, 4.5).interval == "3.5 … 4.5"
 
 
 def test_readouts_know_the_fields_they_are_about(cell):
@@ -148,11 +148,11 @@ FOUND = Finding(Judgement.MISPRINT, "3 & 4", "because", (EXHIBIT,), {"x": 1.5})
 
 def rows_of(folder):
     with reading(folder / "paper.h5", "audit") as file:
-        return read_table(file["tables/rows"], Entry)
+        return read_table(file["tables/rows"], AuditEntry)
 
 
 def test_the_file_keeps_every_row_and_the_page_shows_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(rows(), "eq3.7", Row("eq3.7", lambda: FOUND))
+    monkeypatch.setitem(rows(), "eq3.7", AuditRow("eq3.7", lambda: FOUND))
     report = carry(tmp_path, paper(["eq3.7", "fig20a"], said=True), name="paper")
     first, second = rows_of(tmp_path)
     assert [first, second] == report.tables["rows"].rows
@@ -168,8 +168,10 @@ def test_the_file_keeps_every_row_and_the_page_shows_it(tmp_path, monkeypatch):
 
 def test_a_row_rests_on_runs_that_are_made_once(tmp_path, monkeypatch, cell):
     family = cell[0].family
-    monkeypatch.setitem(rows(), "fig14", Row("fig14", lambda one: FOUND, lambda: (family,)))
-    monkeypatch.setitem(rows(), "fig16", Row("fig16", lambda one, other: FOUND, lambda: (family, family)))
+    monkeypatch.setitem(rows(), "fig14", AuditRow("fig14", lambda one: FOUND, lambda: (family,)))
+    monkeypatch.setitem(
+        rows(), "fig16", AuditRow("fig16", lambda one, other: FOUND, lambda: (family, family))
+    )
     carry(tmp_path, paper(["fig14", "fig16"]), name="paper")
     files = sorted(path.relative_to(tmp_path).as_posix() for path in (tmp_path / "runs").iterdir())
     assert len(files) == len(family.levels)

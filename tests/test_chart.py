@@ -24,9 +24,17 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.chart import chart, default_methods, in_words
-from actin_xcheck.studies.chart.measure import QUICK, Asked, answered, cloud, ladder, measured, published
+from actin_xcheck.studies.chart.measure import (
+    QUICK,
+    AskedSample,
+    answered,
+    cloud,
+    ladder,
+    measured,
+    published,
+)
 from actin_xcheck.studies.chart.plots import SIGNS, WORKS, Chart, chapter_of, row_of
-from actin_xcheck.studies.chart.truth import Quantity, Standing, advise, errors_of, front, truth_of
+from actin_xcheck.studies.chart.truth import ChartedQuantity, Standing, advise, errors_of, front, truth_of
 from actin_xcheck.verdicts.known import l2_error
 from tests.lab import FEM, FV, scene_of
 from tests.small import CHARTED
@@ -34,12 +42,12 @@ from tests.studies import carry
 
 IMEX = "fem-p2-imex3"
 P1_IMEX = "fem-p1-imex2"
-A, AREA, PROBES = Quantity.CONCENTRATION, Quantity.AREA, Quantity.PROBES
+A, AREA, PROBES = ChartedQuantity.CONCENTRATION, ChartedQuantity.AREA, ChartedQuantity.PROBES
 
 
 def sample_of(scene, point, folder=None):
     """A point as it is measured."""
-    return measured(Asked(scene, point), folder)
+    return measured(AskedSample(scene, point), folder)
 
 
 # the front and the advice
@@ -287,7 +295,7 @@ def test_a_ladder_is_cut_where_a_method_has_had_its_seconds(tmp_path):
 def of_points(scene, points, reference=CHARTED.reference):
     """A chart of points of no ladder."""
     coarse, fine = (
-        answered(Asked(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)), Path())
+        answered(AskedSample(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)), Path())
         for name, refine, rtol in reference
     )
     truth = truth_of(scene, coarse, fine, "the finer one")

@@ -19,7 +19,7 @@ from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import compare as comparison
-from actin_xcheck.studies.audit import Entry
+from actin_xcheck.studies.audit import AuditEntry
 from actin_xcheck.studies.checks import SUITE, Reduced, Studied, Tolerated
 from actin_xcheck.studies.closures.measure import Course, follow
 from actin_xcheck.studies.converge import Error, Order
@@ -144,9 +144,9 @@ def _table(path, name, kind):
 def test_a_row_of_the_audit_is_made_again_by_its_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     typed(command("paper", only="fig20a", out="one"), "--quiet")
-    (entry,) = _table(tmp_path / "one" / "paper.h5", "rows", Entry)
+    (entry,) = _table(tmp_path / "one" / "paper.h5", "rows", AuditEntry)
     typed(entry.command, "--out", "two", "--quiet")
-    assert _table(tmp_path / "two" / "paper.h5", "rows", Entry) == [entry]
+    assert _table(tmp_path / "two" / "paper.h5", "rows", AuditEntry) == [entry]
 
 
 def test_a_run_on_a_distorted_mesh_is_made_again_by_its_command(tmp_path, monkeypatch):

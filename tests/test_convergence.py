@@ -18,7 +18,7 @@ from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.converge import claim_of, converge
-from actin_xcheck.studies.converge.plan import Level, Refined, Truth, final, refinements_of
+from actin_xcheck.studies.converge.plan import Refined, RefinedLevel, TruthKind, final, refinements_of
 from actin_xcheck.verdicts import orders
 from actin_xcheck.verdicts.known import Quantity, error_of
 from actin_xcheck.verdicts.orders import Verdict, local_orders
@@ -58,12 +58,12 @@ def test_what_is_measured_follows_what_a_scene_expects():
         return {(s.refined, s.quantity): s.truth for s in planned(name, method)}
 
     a, h, dt = Quantity.CONCENTRATION, Refined.H, Refined.DT
-    assert truths("growing-disk") == {(h, a): Truth.EXACT, (dt, a): Truth.RICHARDSON}
-    assert truths("growing-disk", "fv-tpfa") == {(h, a): Truth.EXACT}
+    assert truths("growing-disk") == {(h, a): TruthKind.EXACT, (dt, a): TruthKind.RICHARDSON}
+    assert truths("growing-disk", "fv-tpfa") == {(h, a): TruthKind.EXACT}
     assert truths("fig14-four-fronts", "fv-tpfa") == {}
-    assert truths("mode-0-cell")[h, Quantity.GROWTH_RATE] is Truth.MODE
-    assert truths("fig14-four-fronts")[h, Quantity.PROBES] is Truth.REFERENCE
-    assert truths("smooth-fronts")[h, Quantity.AREA] is Truth.RICHARDSON
+    assert truths("mode-0-cell")[h, Quantity.GROWTH_RATE] is TruthKind.MODE
+    assert truths("fig14-four-fronts")[h, Quantity.PROBES] is TruthKind.REFERENCE
+    assert truths("smooth-fronts")[h, Quantity.AREA] is TruthKind.RICHARDSON
 
 
 @pytest.mark.parametrize(
@@ -227,7 +227,7 @@ def test_failed_runs_are_no_numbers_and_drawn_as_failures(tmp_path):
     """psi = 7.8e3 breaks down under every one of these steps."""
     text = load_scene("fig18-nonuniform-contraction").text.replace('"viscous"', '"viscoelastic"')
     asked = refinements_of(parse_scene(text, "breaks.toml"), [METHODS[FEM]])[0]
-    levels = tuple(Level(refine, 40) for refine in (1, 2, 3, 4))
+    levels = tuple(RefinedLevel(refine, 40) for refine in (1, 2, 3, 4))
     _, errors = converged(tmp_path, [replace(asked, levels=levels)])
     assert np.isnan([error.error for error in errors]).any()
     endings = [error.ending for error in errors if error.ending]
@@ -271,7 +271,7 @@ def test_a_growth_rate_that_cannot_be_fitted_is_no_number(tmp_path):
 
 def test_a_scene_that_expects_nothing_is_its_own_reference(tmp_path):
     own = scene_of("psi = 50.0\np = 0.0", a="1 + 0.1*J(0, 3.8317059702075125*r)")
-    levels = (Level(1, 1), *IN_SPACE)
+    levels = (RefinedLevel(1, 1), *IN_SPACE)
     asked = [replace(one, levels=levels) for one in refinements_of(own, [METHODS[FEM]])]
     in_space = [one for one in asked if one.refined is Refined.H]
     orders, errors = converged(tmp_path, in_space)

@@ -8,7 +8,16 @@ import pytest
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.coverage import Found, Ladder, Triplet, Truth, climb, coverage, drawn, true
+from actin_xcheck.studies.coverage import (
+    AskedLadder,
+    StatedErrors,
+    Triplet,
+    TruthRun,
+    climb,
+    coverage,
+    drawn,
+    true,
+)
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.studies.study import answered
 from actin_xcheck.verdicts import orders
@@ -24,10 +33,10 @@ def test_a_study_counts_what_is_covered_and_by_how_much():
 
     def answers(tasks):
         kinds = {task.answer for task in tasks}
-        assert kinds <= {Truth, Found}
-        if kinds == {Truth}:
-            return [Truth(1e-7)] * len(tasks)
-        return [Found(tuple(said)), *[Found(())] * (len(tasks) - 1)]
+        assert kinds <= {TruthRun, StatedErrors}
+        if kinds == {TruthRun}:
+            return [TruthRun(1e-7)] * len(tasks)
+        return [StatedErrors(tuple(said)), *[StatedErrors(())] * (len(tasks) - 1)]
 
     methods = [find_method("fem-p1-paper"), find_method("fv")]
     report = answered(coverage([load_scene("static-decay"), *drawn(3, 2)], methods, "coverage"), answers)
@@ -46,9 +55,9 @@ def test_scenes_whose_truth_broke_down_state_nothing():
     def answers(tasks):
         asked.append(tasks)
         return (
-            [Truth(np.nan)] * len(tasks)
-            if tasks[0].answer is Truth
-            else [Found((triplet(2, 1),))] * len(tasks)
+            [TruthRun(np.nan)] * len(tasks)
+            if tasks[0].answer is TruthRun
+            else [StatedErrors((triplet(2, 1),))] * len(tasks)
         )
 
     answered(coverage([load_scene("static-decay"), *drawn(3, 4)], [find_method("fv")], "coverage"), answers)
@@ -58,7 +67,7 @@ def test_scenes_whose_truth_broke_down_state_nothing():
 
 def test_a_ladder_with_an_exact_solution_is_covered_and_a_flattered_one_is_not(tmp_path: Path, monkeypatch):
     scene = load_scene("manufactured-moving")
-    ladder = Ladder(Stored(scene, Numerics(find_method("fem-p2-imex3"), 4, 0.025), "run.vtkhdf"), "")
+    ladder = AskedLadder(Stored(scene, Numerics(find_method("fem-p2-imex3"), 4, 0.025), "run.vtkhdf"), "")
     triplets = climb(ladder, tmp_path).triplets
     assert {one.refine for one in triplets} == {4, 3}
     assert {one.quantity for one in triplets} >= {"total_actin", "probe_a"}
@@ -73,7 +82,7 @@ def test_a_ladder_with_an_exact_solution_is_covered_and_a_flattered_one_is_not(t
 def test_a_scene_whose_numbers_nobody_knows_is_held_against_a_run(tmp_path: Path):
     scene = scene_of("psi = 20\np = 0.3", a="1 + 0.1*x*(3 - r**2)", end=0.1)
     assert true(scene, tmp_path).estimate < 1e-6
-    ladder = Ladder(
+    ladder = AskedLadder(
         Stored(scene, Numerics(find_method("fem-p1-imex2"), 4, 0.01), "run.vtkhdf"),
         f"truth--{scene.name}.vtkhdf",
     )

@@ -19,9 +19,9 @@ from actin_xcheck.nightly.record import (
     Begun,
     Done,
     Kept,
-    Kind,
     NotRun,
     Number,
+    NumberKind,
     read_night,
     write_night,
 )
@@ -56,9 +56,9 @@ def done(check: str, night: int, slope: float) -> Done:
         ),
     )  # fmt: skip
     numbers = (
-        Number(f"seconds/{check}", Kind.TIME, 1.0 + 0.01 * (night % 3), "s"),
-        Number(f"solves/{check}", Kind.COUNT, 100.0 if night < 5 else 150.0),
-        Number(f"order/{check}", Kind.ORDER, slope, "", file),
+        Number(f"seconds/{check}", NumberKind.TIME, 1.0 + 0.01 * (night % 3), "s"),
+        Number(f"solves/{check}", NumberKind.COUNT, 100.0 if night < 5 else 150.0),
+        Number(f"order/{check}", NumberKind.ORDER, slope, "", file),
     )
     if night == NIGHTS - 1 and check == CHECKS[2]:
         return ended(check, Lost("ValueError: <b>no</b> mesh", False), 1.0)
@@ -178,17 +178,17 @@ def test_a_folder_without_nights_and_a_damaged_one(tmp_path: Path) -> None:
 
 
 def test_sparklines_say_and_draw_the_same() -> None:
-    line = series("key", Kind.ERROR, [1.0, 10.0, np.nan, 100.0])
+    line = series("key", NumberKind.ERROR, [1.0, 10.0, np.nan, 100.0])
     drawn = sparkline(line, {line.nights[3].name})
     assert "4 nights: 1 to 100, between 1 and 100; changed in 2026-03-04" in drawn
     lines = re.findall(r'points="([^"]*)"', drawn)
     heights = [float(point.split(",")[1]) for line in lines for point in line.split()]
     assert len(lines) == 2  # nothing is drawn where there is no number
     assert heights == pytest.approx([19.0, 11.0, 3.0])  # a logarithm, upwards
-    level = sparkline(series("key", Kind.ERROR, [1.0, 1.0 + 1e-9, 1.0]))
+    level = sparkline(series("key", NumberKind.ERROR, [1.0, 1.0 + 1e-9, 1.0]))
     assert len(set(re.findall(r",([\d.]+)", level))) == 1
-    assert "no number" in sparkline(series("key", Kind.ERROR, [np.nan]))
-    assert "1 night: 2 to 2" in sparkline(series("key", Kind.ERROR, [2.0]))
+    assert "no number" in sparkline(series("key", NumberKind.ERROR, [np.nan]))
+    assert "1 night: 2 to 2" in sparkline(series("key", NumberKind.ERROR, [2.0]))
 
 
 def test_lights_are_told_apart_without_colours() -> None:

@@ -14,8 +14,8 @@ from actin_xcheck.studies.extremes.attempt import (
     BREAKDOWNS,
     CARRIED,
     Approach,
-    Level,
     Trial,
+    TrialLevel,
     attempt,
     least_dilation,
     trials,
@@ -29,10 +29,10 @@ from tests.small import STRONG
 @pytest.fixture(scope="module")
 def ladder():
     """Fig. 18 by two kinds of elements on two meshes each."""
-    levels = [Level("fem-p2-imex3", r, 1e-6) for r in (2, 3)] + [
-        Level("fem-p3-imex4", r, 1e-6) for r in (2, 3)
+    levels = [TrialLevel("fem-p2-imex3", r, 1e-6) for r in (2, 3)] + [
+        TrialLevel("fem-p3-imex4", r, 1e-6) for r in (2, 3)
     ]
-    levels.append(Level("fem-p3-imex4", 2, 1e-5))
+    levels.append(TrialLevel("fem-p3-imex4", 2, 1e-5))
     return [attempt(Trial(STRONG, level), Path()) for level in levels]
 
 
@@ -100,7 +100,7 @@ def test_twins_part_no_faster_than_linear_theory_allows(tmp_path):
     text = scene_text("sec54-failure").replace("end = 0.0722", "end = 0.0005")
     text = text.replace("outputs = [1.2046e-3, 3.6137e-3, 0.0722]", "")
     (tmp_path / "short.toml").write_text(text)
-    trial = Trial(str(tmp_path / "short.toml"), Level("fem-p2-imex3", 2, 1e-4), epsilon=1e-10)
+    trial = Trial(str(tmp_path / "short.toml"), TrialLevel("fem-p2-imex3", 2, 1e-4), epsilon=1e-10)
     one, again = attempt(trial, Path()), attempt(trial, Path())
     assert (one.apart == again.apart).all()
     assert 0.1e-10 < one.apart[0] < 1e-10

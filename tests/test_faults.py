@@ -21,7 +21,7 @@ from actin_xcheck.studies.faults import control, hunt, missed
 from actin_xcheck.studies.faults.fault import ControlError, injected, replaced, watched
 from actin_xcheck.verdicts.judge import judge
 from fem.space import Space
-from fv.krylov import Operator
+from fv.krylov import TransportOperator
 from fv.solver import FvDiamond, FvSecondOrder
 from tests.claims import claim
 from tests.faults import FAULTS
@@ -106,7 +106,7 @@ def test_every_fault_names_what_is_there_and_can_be_told_to_a_worker():
 
 
 def test_a_fault_is_gone_afterwards_whatever_it_replaces():
-    held = {Operator: "__call__", Space: "inside", FvSecondOrder: "_source", Compared: "name"}
+    held = {TransportOperator: "__call__", Space: "inside", FvSecondOrder: "_source", Compared: "name"}
     before = {owner: getattr_static(owner, name) for owner, name in held.items()}
     targets = tuple(f"{owner.__module__}:{owner.__qualname__}.{name}" for owner, name in held.items())
     with watched(targets) as calls:

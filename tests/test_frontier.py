@@ -21,10 +21,10 @@ from actin_xcheck.studies.frontier import planes as planning
 from actin_xcheck.studies.frontier import shares, words_of
 from actin_xcheck.studies.frontier.answers import (
     BOUND,
-    Answer,
-    Converged,
-    Kind,
-    Truth,
+    AnswerKind,
+    ConvergedPlace,
+    PlaceAnswer,
+    PlaceTruth,
     answer_of,
     judge,
     truth_of,
@@ -51,7 +51,7 @@ def searched(classify, columns=65, rows=65, across=8, up=8):
 
 
 def answer(ending="completed", t=1.0, area=3.0, a=(1.0, 1.0)):
-    return Answer(ending, f"{ending} there", t, area, 3.0, a, (0.0, 0.0, 1.0, 0.0), 0.1)
+    return PlaceAnswer(ending, f"{ending} there", t, area, 3.0, a, (0.0, 0.0, 1.0, 0.0), 0.1)
 
 
 # bisection
@@ -176,7 +176,7 @@ def test_the_cloud_stands_for_equal_areas_of_the_disk():
 
 def judged(found, true=None, uncertainty=1e-4, steps=100):
     point = replace(point_of(FIG14, METHODS[FEM], {}), end=1.0, steps=steps)
-    return judge(point, found, Truth(true or answer(), "a level", uncertainty))
+    return judge(point, found, PlaceTruth(true or answer(), "a level", uncertainty))
 
 
 ENDED = answer("singular_dilation", t=0.5)
@@ -185,29 +185,29 @@ ENDED = answer("singular_dilation", t=0.5)
 @pytest.mark.parametrize(
     ("found", "true", "kind"),
     [
-        (answer(), None, Kind.ACCURATE),
-        (answer(area=3.0 * (1 + 0.99 * BOUND)), None, Kind.ACCURATE),
-        (answer(area=3.0 * (1 + 1.01 * BOUND)), None, Kind.SILENT),
-        (answer(a=(1.03, 1.0)), None, Kind.SILENT),  # area and total are right, the pattern is not
-        (answer("tangled", t=0.5), None, Kind.FAILED),
-        (ENDED, None, Kind.FAILED),
-        (answer(), ENDED, Kind.SILENT),  # goes on beyond the end
-        (answer("singular_dilation", t=0.54), ENDED, Kind.ENDS),
-        (answer("singular_dilation", t=0.57), ENDED, Kind.FAILED),
-        (answer("singular_dilation", t=0.43), ENDED, Kind.FAILED),
-        (answer("tangled", t=0.5), ENDED, Kind.FAILED),
+        (answer(), None, AnswerKind.ACCURATE),
+        (answer(area=3.0 * (1 + 0.99 * BOUND)), None, AnswerKind.ACCURATE),
+        (answer(area=3.0 * (1 + 1.01 * BOUND)), None, AnswerKind.SILENT),
+        (answer(a=(1.03, 1.0)), None, AnswerKind.SILENT),  # area and total are right, the pattern is not
+        (answer("tangled", t=0.5), None, AnswerKind.FAILED),
+        (ENDED, None, AnswerKind.FAILED),
+        (answer(), ENDED, AnswerKind.SILENT),  # goes on beyond the end
+        (answer("singular_dilation", t=0.54), ENDED, AnswerKind.ENDS),
+        (answer("singular_dilation", t=0.57), ENDED, AnswerKind.FAILED),
+        (answer("singular_dilation", t=0.43), ENDED, AnswerKind.FAILED),
+        (answer("tangled", t=0.5), ENDED, AnswerKind.FAILED),
     ],
 )
 def test_a_run_is_worth_what_the_truth_says(found, true, kind):
     result = judged(found, true)
     assert result.kind is kind
-    assert (result.label == f"failed: {found.ending}") == (kind is Kind.FAILED)
+    assert (result.label == f"failed: {found.ending}") == (kind is AnswerKind.FAILED)
 
 
 def test_a_failure_can_be_told_no_closer_than_its_step():
     early = answer("singular_dilation", t=0.3)
-    assert judged(early, ENDED, steps=5).kind is Kind.ENDS  # the end lies in its last step
-    assert judged(early, ENDED, steps=100).kind is Kind.FAILED
+    assert judged(early, ENDED, steps=5).kind is AnswerKind.ENDS  # the end lies in its last step
+    assert judged(early, ENDED, steps=100).kind is AnswerKind.FAILED
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_a_failure_can_be_told_no_closer_than_its_step():
     [(answer(), 0.6 * BOUND), (answer(), float("nan")), (answer("tangled"), 1e-9), (ENDED, 0.06)],
 )
 def test_what_is_not_known_judges_nothing(true, uncertainty):
-    assert judged(answer(), true, uncertainty).kind is Kind.UNKNOWN
+    assert judged(answer(), true, uncertainty).kind is AnswerKind.UNKNOWN
 
 
 def test_a_sentence_says_what_is_wrong():
@@ -239,12 +239,12 @@ end = 0.05526
 def test_where_the_model_ends_completing_is_wrong_and_failing_is_right(tmp_path):
     scene = parse_scene(MODEL_ENDS, "ends.toml")
     points = [replace(point_of(scene, METHODS[FEM], {}), refine=3, steps=steps) for steps in (1, 400)]
-    truth = truth_of(Converged(points[0].scene, (0, 2)), tmp_path)
+    truth = truth_of(ConvergedPlace(points[0].scene, (0, 2)), tmp_path)
     assert truth.answer.ending == "singular_dilation"
     assert truth.known
     assert truth.answer.t == pytest.approx(0.0411, rel=0.01)
     kinds = [judge(point, answer_of(point, tmp_path), truth).kind for point in points]
-    assert kinds == [Kind.SILENT, Kind.ENDS]
+    assert kinds == [AnswerKind.SILENT, AnswerKind.ENDS]
 
 
 # maps at work
@@ -263,11 +263,13 @@ def points_of(report, method):
 def test_first_order_is_silently_wrong_where_second_order_is_accurate(whole):
     found = whole.report
     first, second = (points_of(found, method.name) for method in MAPPED)
-    assert first[2, 0].kind == Kind.SILENT  # psi = 640 in 11 steps
-    assert second[2, 0].kind == Kind.ACCURATE
-    assert first[0, 0].kind == second[0, 0].kind == Kind.ACCURATE
-    assert not any(p.kind == Kind.FAILED for p in found.tables["points"].rows)
-    accurate = [sum(p.kind == Kind.ACCURATE for p in one.values()) / len(one) for one in (first, second)]
+    assert first[2, 0].kind == AnswerKind.SILENT  # psi = 640 in 11 steps
+    assert second[2, 0].kind == AnswerKind.ACCURATE
+    assert first[0, 0].kind == second[0, 0].kind == AnswerKind.ACCURATE
+    assert not any(p.kind == AnswerKind.FAILED for p in found.tables["points"].rows)
+    accurate = [
+        sum(p.kind == AnswerKind.ACCURATE for p in one.values()) / len(one) for one in (first, second)
+    ]
     assert accurate[0] < accurate[1]
     assert "never fails" in found.findings[0]
     assert "silently wrong in" in found.findings[0]
@@ -275,7 +277,7 @@ def test_first_order_is_silently_wrong_where_second_order_is_accurate(whole):
 
 def test_a_point_is_made_again_by_its_command(whole):
     folder = whole.folder
-    row = next(p for p in whole.report.tables["points"].rows if p.kind == Kind.SILENT)
+    row = next(p for p in whole.report.tables["points"].rows if p.kind == AnswerKind.SILENT)
     words = shlex.split(row.command)
     given = dict(
         zip(words[words.index("--method") :: 2], words[words.index("--method") + 1 :: 2], strict=True)
@@ -303,14 +305,14 @@ def test_a_run_whose_process_ended_every_time_is_a_failure_and_is_tried_again(wh
     rows = points_of(found, FEM)
     assert (rows[0, 1].label, rows[0, 1].outcome) == ("failed: interrupted", "interrupted")
     assert rows[0, 1].sentence == "interrupted: killed"
-    assert rows[0, 0].kind == Kind.ACCURATE  # its neighbour is what it was
-    assert {rows[2, row].kind for row in (0, 1)} == {Kind.UNKNOWN}
+    assert rows[0, 0].kind == AnswerKind.ACCURATE  # its neighbour is what it was
+    assert {rows[2, row].kind for row in (0, 1)} == {AnswerKind.UNKNOWN}
     assert "converged run ends with interrupted: killed" in rows[2, 0].sentence
     (plot,) = found.chapters[1].exhibits
     assert "The truth is not known: the converged run ends with interrupted" in plot.note
     assert "failed: interrupted in" in found.findings[0]
     again = carry(tmp_path, mapped(MAPPED[:1]), whole.played(), "frontier")
-    assert {row.kind for row in again.tables["points"].rows} <= {Kind.ACCURATE, Kind.SILENT}
+    assert {row.kind for row in again.tables["points"].rows} <= {AnswerKind.ACCURATE, AnswerKind.SILENT}
 
 
 def test_a_map_has_a_sentence_for_every_point_that_was_run(whole):

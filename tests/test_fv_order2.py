@@ -306,7 +306,7 @@ def sheared_operator(dt):
     coefficients, from_vertices = scheme.over_relaxed_split(solver.faces, x)
     matrix, rhs = solver.equation.stage(dt, amounts, volumes, coefficients, 0 * volumes)
     to_vertices = vertex_interpolation(solver.faces, x)
-    return krylov.Operator(matrix, from_vertices, to_vertices, 0.4), rhs, amounts / volumes
+    return krylov.TransportOperator(matrix, from_vertices, to_vertices, 0.4), rhs, amounts / volumes
 
 
 @pytest.mark.parametrize("dt", [1e-6, 1e-3, 1.0, 1e3])

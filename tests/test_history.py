@@ -17,7 +17,7 @@ from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.differences import differences, turned
 from actin_xcheck.nightly.history import (
-    Judged,
+    JudgedNumber,
     append,
     find_night,
     read_claims,
@@ -25,19 +25,21 @@ from actin_xcheck.nightly.history import (
     read_numbers,
     read_series,
 )
-from actin_xcheck.nightly.record import Kind, Night, Number
+from actin_xcheck.nightly.record import Night, Number, NumberKind
 from tests.claims import claim
 from tests.histories import NIGHTS, history, night
 from tests.processes import posix
 
 
-def judged(value: float, kind: ClaimKind = ClaimKind.AGREEMENT) -> Judged:
+def judged(value: float, kind: ClaimKind = ClaimKind.AGREEMENT) -> JudgedNumber:
     made = claim("so it is", value, 0.02, kind=kind, scene="fig14", methods=("fem-p1", "fv"))
-    return Judged(made, "compare fig14", 3.0, "f")
+    return JudgedNumber(made, "compare fig14", 3.0, "f")
 
 
 def kept(path, number: int, **values: float) -> Night:
-    return append(path, night(number), [Number(key, Kind.ERROR, value) for key, value in values.items()])
+    return append(
+        path, night(number), [Number(key, NumberKind.ERROR, value) for key, value in values.items()]
+    )
 
 
 # the database
@@ -46,8 +48,11 @@ def kept(path, number: int, **values: float) -> Night:
 def test_a_night_comes_back_as_it_went_in(tmp_path):
     path = tmp_path / "reports" / "history.sqlite"
     given = night(1, budget=1800.0, command="nightly", versions={"numpy": "2.4", "fipy": "4.0"})
-    numbers = [Number("error/a", Kind.ERROR, 1e-3, "", "a.vtkhdf"), Number("order/a", Kind.ORDER, math.inf)]
-    numbers.append(Number("time/a", Kind.TIME, math.nan, "s"))
+    numbers = [
+        Number("error/a", NumberKind.ERROR, 1e-3, "", "a.vtkhdf"),
+        Number("order/a", NumberKind.ORDER, math.inf),
+    ]
+    numbers.append(Number("time/a", NumberKind.TIME, math.nan, "s"))
     assert append(path, given, numbers, [judged(0.01), judged(math.nan, ClaimKind.ENDS)]) == replace(given)
     (found,) = read_nights(path)
     assert replace(found.night, seconds=0.0) == replace(given, seconds=0.0)
@@ -71,7 +76,7 @@ def test_nights_are_in_the_order_of_their_dates_and_series_follow_them(tmp_path)
 
 def test_names_and_keys_given_twice_are_kept_apart(tmp_path):
     path = tmp_path / "h.sqlite"
-    twice = [Number("a", Kind.ERROR, 1.0)] * 2, [judged(0.01)] * 2
+    twice = [Number("a", NumberKind.ERROR, 1.0)] * 2, [judged(0.01)] * 2
     names = [append(path, night(1), *twice).name for _ in "ab"]
     assert names == ["2026-03-01", "2026-03-01-2"]
     assert [one.key for one in read_numbers(path, names[1])] == ["a", "a-2"]
@@ -174,7 +179,7 @@ def test_a_file_of_something_else_is_one_line(tmp_path, said, of):
 
 
 def test_differences_are_sorted_by_what_is_of_interest():
-    error, order, time = Kind.ERROR, Kind.ORDER, Kind.TIME
+    error, order, time = NumberKind.ERROR, NumberKind.ORDER, NumberKind.TIME
     known = {
         "same": (error, 1.0, 1.0 + 1e-12),
         "zero": (error, 0.0, 1e-17),
@@ -183,7 +188,10 @@ def test_differences_are_sorted_by_what_is_of_interest():
         "time": (time, 1.0, 1.05),
     }
     old = [*(Number(key, kind, was) for key, (kind, was, _) in known.items()), Number("gone", time, 1.0)]
-    new = [*(Number(key, kind, now) for key, (kind, _, now) in known.items()), Number("new", Kind.COUNT, 3.0)]
+    new = [
+        *(Number(key, kind, now) for key, (kind, _, now) in known.items()),
+        Number("new", NumberKind.COUNT, 3.0),
+    ]
     found = differences(old, new)
     assert {one.key: one.direction for one in found[:2]} == {"new": "new", "gone": "gone"}
     assert [(one.key, one.direction) for one in found[2:]] == [

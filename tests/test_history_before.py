@@ -15,7 +15,14 @@ from actin_xcheck.cli.app import report_command
 from actin_xcheck.core.claim import ClaimKind, claim_of
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
-from actin_xcheck.nightly.history import Judged, append, judged_in, read_claims, read_nights, read_series
+from actin_xcheck.nightly.history import (
+    JudgedNumber,
+    append,
+    judged_in,
+    read_claims,
+    read_nights,
+    read_series,
+)
 from actin_xcheck.nightly.items import Group, group_of
 from actin_xcheck.nightly.plan import past
 from actin_xcheck.nightly.record import FILE_NAME, Done, read_night
@@ -236,4 +243,4 @@ def test_a_night_of_before_is_read(a_night, tmp_path):
 def test_a_kind_that_is_none_is_no_claim_and_a_claim_of_two_checks_has_two_keys():
     with pytest.raises(ValueError, match="colour"):
         claim_of({**vars(AREA), "kind": "colour"})
-    assert Judged(AREA, "one").key != Judged(AREA, "two").key
+    assert JudgedNumber(AREA, "one").key != JudgedNumber(AREA, "two").key

@@ -8,7 +8,7 @@ import pytest
 from actin_xcheck.nightly.changes import FALSE_ALARM, changes, events
 from actin_xcheck.nightly.differences import Shape
 from actin_xcheck.nightly.history import Series
-from actin_xcheck.nightly.record import Kind
+from actin_xcheck.nightly.record import NumberKind
 from tests.histories import NIGHTS, ROUND_OFF, history, later, night, noise, series
 
 # changes of one sequence
@@ -152,7 +152,7 @@ def shared(seed: int, slow: int, busy: float = 0.0, every: int = 1, missing: flo
         values = np.exp(common + own) * (1.2 ** later(45) if number < slow else 1.0)
         has = np.flatnonzero(random.random(NIGHTS) >= missing)
         nights = tuple(night(int(at) + 1, commit=commits(int(at) + 1, every)) for at in has)
-        found.append(Series(f"time/{number}", Kind.TIME, "s", nights, values[has]))
+        found.append(Series(f"time/{number}", NumberKind.TIME, "s", nights, values[has]))
     return found
 
 
@@ -191,8 +191,8 @@ def test_what_several_numbers_show_has_its_night(slow, busy, every, missing, rig
 def test_numbers_that_always_say_the_same_count_as_one():
     random = np.random.default_rng(14)
     values = np.exp(noise(random)) * 1.25 ** later(45)
-    (alone,) = events([series("time/0", Kind.TIME, values)])
-    copies = events([series(f"time/{number}", Kind.TIME, values) for number in range(8)])
+    (alone,) = events([series("time/0", NumberKind.TIME, values)])
+    copies = events([series(f"time/{number}", NumberKind.TIME, values) for number in range(8)])
     assert {one.together for one in copies} == {8}
     assert {(one.night.name, len(one.within)) for one in copies} == {(alone.night.name, len(alone.within))}
 
@@ -202,7 +202,7 @@ def test_steps_that_lie_apart_or_go_apart_share_no_night():
     for seed in range(40):
         random = np.random.default_rng(seed)
         found = events(
-            series(name, Kind.TIME, np.exp(noise(random)) * size ** later(at))
+            series(name, NumberKind.TIME, np.exp(noise(random)) * size ** later(at))
             for name, (at, size) in wanted.items()
         )
         steps = {one.key: one for one in found if one.shape is Shape.STEP}
@@ -214,7 +214,7 @@ def test_a_step_without_noise_among_noise_is_no_part_of_a_noisy_cause():
     random = np.random.default_rng(0)
     sure = np.concatenate([np.full(10, 1.0), np.full(10, 2.0), 2 * np.exp(noise(random)[20:])])
     slow = [np.exp(noise(random)) * 1.5 ** later(11) for _ in range(3)]
-    found = events([series(f"time/{i}", Kind.TIME, y) for i, y in enumerate([sure, *slow])])
+    found = events([series(f"time/{i}", NumberKind.TIME, y) for i, y in enumerate([sure, *slow])])
     assert all(not one.exact for one in found if one.key != "time/0")
 
 
@@ -225,7 +225,7 @@ def test_causes_some_nights_apart_are_told_apart_more_often_than_not():
     for seed in range(60):
         random = np.random.default_rng(seed)
         found = events(
-            series(f"time/{i}", Kind.TIME, np.exp(noise(random)) * 1.2 ** later(45 if i == 5 else 40))
+            series(f"time/{i}", NumberKind.TIME, np.exp(noise(random)) * 1.2 ** later(45 if i == 5 else 40))
             for i in range(6)
         )
         ours = [one for one in found if one.key == "time/5" and one.shape is Shape.STEP]
@@ -239,7 +239,7 @@ def test_a_change_is_put_to_the_night_with_anything_new():
     right = guessed = 0
     for seed in range(60):
         y = 3 * np.exp(noise(np.random.default_rng(seed))) * 1.3 ** later(45)
-        (event,) = events([Series("time/a", Kind.TIME, "s", nights, y)])
+        (event,) = events([Series("time/a", NumberKind.TIME, "s", nights, y)])
         right += event.news == ("commit old -> new",) and event.night == nights[44]
         guessed += changes(np.log(y), ROUND_OFF)[0].first == 44
     assert right >= 57
@@ -250,7 +250,9 @@ def test_times_of_another_machine_are_no_slowdown_and_errors_are():
     random = np.random.default_rng(12)
     nights = tuple(night(i + 1, machine="a" if i < 30 else "b") for i in range(NIGHTS))
     values = np.exp(noise(random)) * 3.0 ** later(31)
-    found = events([Series(f"{kind}/x", kind, "", nights, values) for kind in (Kind.TIME, Kind.ERROR)])
+    found = events(
+        [Series(f"{kind}/x", kind, "", nights, values) for kind in (NumberKind.TIME, NumberKind.ERROR)]
+    )
     assert [(event.key, event.night) for event in found] == [("error/x", nights[30])]
     assert "machine a -> b" in found[0].news
 
@@ -258,8 +260,10 @@ def test_times_of_another_machine_are_no_slowdown_and_errors_are():
 def test_small_changes_are_left_out_where_noisy_and_minor_where_exact():
     random = np.random.default_rng(13)
     small = 1.05 ** later(31)
-    noisy = series("time/noisy", Kind.TIME, np.exp(noise(random, 0.01)) * small)
-    exact, gross = (series(f"error/{i}", Kind.ERROR, y) for i, y in enumerate((small, 8.0 ** later(20))))
+    noisy = series("time/noisy", NumberKind.TIME, np.exp(noise(random, 0.01)) * small)
+    exact, gross = (
+        series(f"error/{i}", NumberKind.ERROR, y) for i, y in enumerate((small, 8.0 ** later(20)))
+    )
     found = events([noisy, exact, gross])
     assert [(event.key, event.minor) for event in found] == [("error/1", False), ("error/0", True)]
     assert found[0].change == "1 -> 8 (x 8)"
@@ -267,6 +271,6 @@ def test_small_changes_are_left_out_where_noisy_and_minor_where_exact():
 
 def test_a_number_that_cannot_be_had_any_more_is_lost():
     values = np.where(later(50), math.nan, 1.0)
-    never = series("error/never", Kind.ERROR, [math.nan] * 9)
-    (event,) = events([series("error/a", Kind.ERROR, values), never])
+    never = series("error/never", NumberKind.ERROR, [math.nan] * 9)
+    (event,) = events([series("error/a", NumberKind.ERROR, values), never])
     assert (event.shape, event.night) == (Shape.LOST, night(50))

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import jv
 
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.chart.ledger import Entry, in_words, ledger, ledger_sheet, ledger_tasks
+from actin_xcheck.studies.chart.ledger import LedgerEntry, in_words, ledger, ledger_sheet, ledger_tasks
 
 
 def of(name, tmp_path, accuracy=1e-4, **levels):
@@ -95,11 +95,11 @@ def test_the_sentence_weighs_the_change_against_what_is_asked_and_what_is_known(
     assert said in in_words("diffusion", changes, ending, resolved, 1e-5)
 
 
-ENTRY = Entry(
+ENTRY = LedgerEntry(
     "diffusion", "d Δa", "[parameters] d = 0", 1e-3, 2e-3, 3e-3, 4e-3, 1e-6, 1e-4, 22.0, 0.04, 11.0, 0.02, "",
     "dropping <b>diffusion</b> changes …",
 )  # fmt: skip
-IDLE = Entry(
+IDLE = LedgerEntry(
     "motion and dilution", "∇·(a v)", "[motion]", 0.0, 0.0, 0.0, 0.0, 1e-6, 1e-4, 22.0, 0.04, np.nan, np.nan,
     "", "exact",
 )  # fmt: skip

@@ -12,7 +12,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.compare import (
     FILE_NAME,
     Comparison,
-    Judged,
+    JudgedScene,
     compare,
     jobs_of,
     localised,
@@ -88,7 +88,7 @@ def test_what_was_asked_for_already_is_not_asked_for_again():
     study = compare(jobs)
     runs = next(study)
     study.send([Ran("completed", "", 1.0)] * len(runs))
-    asked = study.send([Judged((), (), KnownTo(SCENE, 0.0, 0.0), parted=(PAPER,))])
+    asked = study.send([JudgedScene((), (), KnownTo(SCENE, 0.0, 0.0), parted=(PAPER,))])
     assert [task.work for task in asked] == [localised]
     assert [[job.numerics.method.name for job in levels] for levels in asked[0].ask] == [
         [name] * 3 for name in ("fem-p1-paper", "fv-coupled", "fv-paper")

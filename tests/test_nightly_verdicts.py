@@ -14,10 +14,10 @@ from actin_xcheck.cli.output import NightAnswer
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly import carry_out as work
-from actin_xcheck.nightly.carry_out import Asked, carry_out, ended
-from actin_xcheck.nightly.items import Checked, Control, Diluted, Group, control, group_of
+from actin_xcheck.nightly.carry_out import AskedItem, carry_out, ended
+from actin_xcheck.nightly.items import CheckItem, Control, Diluted, Group, control, group_of
 from actin_xcheck.nightly.plan import past, suite
-from actin_xcheck.nightly.record import FILE_NAME, Done, Kind
+from actin_xcheck.nightly.record import FILE_NAME, Done, NumberKind
 from actin_xcheck.runs.executor import in_turn as in_this_process
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -115,8 +115,8 @@ def test_a_baseline_must_not_be_undercut(night, tmp_path, capsys):
 # what is judged
 
 
-def small(*methods: str) -> Checked:
-    return Checked(Compared("static-decay", methods, 2, 10), 1.0)
+def small(*methods: str) -> CheckItem:
+    return CheckItem(Compared("static-decay", methods, 2, 10), 1.0)
 
 
 def test_a_night_with_a_fault_is_red_names_it_and_is_no_part_of_the_history(night, tmp_path, capsys):
@@ -233,7 +233,7 @@ def test_claims_have_a_light_and_a_key_of_their_own(tmp_path):
 @pytest.mark.slow
 @pytest.mark.nightly  # and by the night itself
 def test_a_free_viscoelastic_rim_under_pressure_is_studied(tmp_path):
-    checks = [item for item in suite() if isinstance(item, Checked)]
+    checks = [item for item in suite() if isinstance(item, CheckItem)]
     studied = [item for item in checks if item.name.startswith("converge fitted-ring-elastic")]
     assert studied
     with in_this_process():
@@ -280,7 +280,7 @@ def test_what_comes_to_no_verdict_fails_in_its_own_light(check, group):
 def test_an_order_that_can_no_longer_be_read_off_is_red(tmp_path):
     silent = Answering("study", (claim(), claim("the order is 2", 0.1, np.nan, kind=ClaimKind.ORDER_H)))
     with in_this_process():
-        *_, last = Checked(silent, 1.0, watches=False).find(tmp_path).claims
+        *_, last = CheckItem(silent, 1.0, watches=False).find(tmp_path).claims
     assert (last.verdict, last.note) == ("FAIL", "1 of its orders came to no verdict")
 
 
@@ -306,8 +306,10 @@ def test_checks_go_to_the_cluster_and_costs_are_measured_here(tmp_path: Path) ->
     assert {name.split()[0] for name in there} == {"compare", "run"}
     assert [name.split()[0] for name in here] == ["cost"]
     assert not any(number.kind.of_machine for one in there.values() for number in one.numbers)
-    assert {Kind.TIME, Kind.MEMORY} <= {number.kind for one in here.values() for number in one.numbers}
-    assert all(one.reached and any(n.kind is Kind.COUNT for n in one.numbers) for one in there.values())
+    assert {NumberKind.TIME, NumberKind.MEMORY} <= {
+        number.kind for one in here.values() for number in one.numbers
+    }
+    assert all(one.reached and any(n.kind is NumberKind.COUNT for n in one.numbers) for one in there.values())
     assert all((kept.folder / file).is_file() for one in there.values() for file in one.files if file)
     assert json.loads(done.stdout)["checks"].keys() == there.keys() | here.keys()
     planned = past(tmp_path / "out" / "history.sqlite").seconds
@@ -317,17 +319,17 @@ def test_checks_go_to_the_cluster_and_costs_are_measured_here(tmp_path: Path) ->
 @pytest.mark.slow
 def test_a_workers_check_has_a_process_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / FILE_NAME).touch()
-    done = carry_out(Asked(Stub("a stub"), away=True), tmp_path)
+    done = carry_out(AskedItem(Stub("a stub"), away=True), tmp_path)
     assert isinstance(done, Done)
     assert (done.red, done.folder) == (0, "checks/a_stub")
     assert [number.key for number in done.numbers] == ["error/a stub"]
     assert done.seconds > 0
-    done = carry_out(Asked(Stub("a stub", how="dies"), away=True), tmp_path)
+    done = carry_out(AskedItem(Stub("a stub", how="dies"), away=True), tmp_path)
     assert isinstance(done, Done)
     assert done.trouble == "broke down: its process ended with exit code 7"
     (tmp_path / FILE_NAME).unlink()
     with pytest.raises(UserError, match=f"does not see {tmp_path}; valid: --out names a folder"):
-        carry_out(Asked(Stub("a stub"), away=True), tmp_path)
+        carry_out(AskedItem(Stub("a stub"), away=True), tmp_path)
     monkeypatch.setattr(work, "code", lambda: "other")
     with pytest.raises(UserError, match="another version of the code"):
-        carry_out(Asked(Stub("a stub"), away=True), tmp_path)
+        carry_out(AskedItem(Stub("a stub"), away=True), tmp_path)

@@ -14,7 +14,7 @@ from actin_xcheck.report.draw import Drawing
 from actin_xcheck.report.figure import STYLES
 from actin_xcheck.report.lattice import colour_of
 from actin_xcheck.report.page import environment
-from actin_xcheck.studies.frontier.answers import Kind
+from actin_xcheck.studies.frontier.answers import AnswerKind
 from tests.browser import SEEN, complaints, lab, linear, pale, unreadable
 from tests.picture import PICTURE, WIDTH, take
 
@@ -99,8 +99,8 @@ def test_what_cannot_be_read_is_noticed(tab: Page, tmp_path: Path, page: str, sa
 
 # colours
 
-CLASSES = [str(kind) for kind in Kind if kind is not Kind.FAILED]
-CLASSES += [f"{Kind.FAILED}: {ending}" for ending in Ending if ending is not Ending.COMPLETED]
+CLASSES = [str(kind) for kind in AnswerKind if kind is not AnswerKind.FAILED]
+CLASSES += [f"{AnswerKind.FAILED}: {ending}" for ending in Ending if ending is not Ending.COMPLETED]
 
 
 @pytest.mark.parametrize("eye", SEEN)
@@ -108,7 +108,7 @@ def test_classes_of_runs_are_told_apart_by_every_eye(eye: str) -> None:
     seen = {label: lab(SEEN[eye] @ linear(colour_of(label))) for label in CLASSES}
     apart = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in combinations(CLASSES, 2)}
     assert min(apart.values()) > 10, min(apart, key=apart.__getitem__)
-    assert apart[Kind.ACCURATE, Kind.SILENT] > 40
+    assert apart[AnswerKind.ACCURATE, AnswerKind.SILENT] > 40
 
 
 @pytest.mark.parametrize("eye", SEEN)
@@ -121,4 +121,4 @@ def test_classes_of_runs_are_told_apart_in_grey() -> None:
     grey = {label: float(lab(linear(colour_of(label)))[0]) for label in CLASSES}
     apart = {pair: abs(grey[pair[0]] - grey[pair[1]]) for pair in combinations(CLASSES, 2)}
     assert min(apart.values()) > 6, min(apart, key=apart.__getitem__)
-    assert apart[Kind.ACCURATE, Kind.SILENT] > 25
+    assert apart[AnswerKind.ACCURATE, AnswerKind.SILENT] > 25

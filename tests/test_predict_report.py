@@ -35,7 +35,7 @@ from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.study import Report, write_report
-from actin_xcheck.studies.theory import Drawn
+from actin_xcheck.studies.theory import DrawnChapter
 from tests.tags import Tags, whole_in_itself
 from tests.test_cli import cli
 
@@ -105,7 +105,7 @@ COUNTED = Counted(((2**62 + 1, 2), (3, 4)), ((1, 2),), ((True, False),), ((1.0, 
     ("record", "kind"),
     [
         *((one, Exhibit) for one in exhibits()),
-        (Drawn(exhibits()), Drawn),
+        (DrawnChapter(exhibits()), DrawnChapter),
         (COUNTED, Counted),
         (Counted((), (), (), (), ()), Counted),
     ],

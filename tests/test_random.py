@@ -13,14 +13,14 @@ from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies import random_scenes as random_module
 from actin_xcheck.studies.faults import find_faults
 from actin_xcheck.studies.faults.fault import replaced
-from actin_xcheck.studies.random_scenes import Checked, Drawn, OfTheDate, check, random_scenes
+from actin_xcheck.studies.random_scenes import CheckedScene, DrawnScene, OfTheDate, check, random_scenes
 from actin_xcheck.studies.study import answered
 
 SEED = 3
 
 
-def question(number: int) -> Drawn:
-    return Drawn(draw.written(draw.drawn(SEED, number)), f"random-{SEED}-{number}", coarser=1)
+def question(number: int) -> DrawnScene:
+    return DrawnScene(draw.written(draw.drawn(SEED, number)), f"random-{SEED}-{number}", coarser=1)
 
 
 def test_a_seed_draws_every_kind_of_scene_again():
@@ -81,7 +81,7 @@ def test_a_fault_of_one_code_is_a_miss(tmp_path: Path):
         assert check(question(0), tmp_path).misses
 
 
-def made_up(asked: Drawn) -> Checked:
+def made_up(asked: DrawnScene) -> CheckedScene:
     """An answer that misses as long as the pressure pushes outwards."""
     p = parse_scene(asked.scene, asked.name).parameters.p
     claim = Claim(
@@ -95,11 +95,11 @@ def made_up(asked: Drawn) -> Checked:
         command="compare",
         path="",
     )
-    return Checked(asked.name, asked.scene, (claim,))
+    return CheckedScene(asked.name, asked.scene, (claim,))
 
 
 def test_a_miss_is_made_as_simple_as_it_can_be():
-    asked: list[Drawn] = []
+    asked: list[DrawnScene] = []
 
     def answers(tasks):
         asked.extend(task.ask for task in tasks)

@@ -20,7 +20,7 @@ from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import sweep as sweeping
-from actin_xcheck.studies.sweep import LOG, Run, finished, read_table
+from actin_xcheck.studies.sweep import LOG, SweepRun, finished, read_table
 from actin_xcheck.studies.sweep.plan import points_of
 from tests.processes import cluster, started, wait_until
 from tests.test_cli import cli, one_line
@@ -116,7 +116,7 @@ def test_a_mistake_in_the_file_is_one_line_and_nothing_is_run(
 
 
 def test_a_key_is_that_of_scene_method_numerics_and_code_alone(monkeypatch) -> None:
-    one = Run(load_scene("static-decay").text, "here", Wanted("fem-p1-paper"), "sweep")
+    one = SweepRun(load_scene("static-decay").text, "here", Wanted("fem-p1-paper"), "sweep")
     same = replace(one, origin="there", command="another")
     others = [
         replace(one, text=load_scene("growing-disk").text),

@@ -35,9 +35,9 @@ from actin_xcheck.nightly.history import (
     read_numbers,
     remember,
 )
-from actin_xcheck.nightly.items import Checked, Control, Item, NotDecided, night_long, no_verdict
+from actin_xcheck.nightly.items import CheckItem, Control, Item, NotDecided, night_long, no_verdict
 from actin_xcheck.nightly.plan import Tonight
-from actin_xcheck.nightly.record import FILE_NAME, STUDY, Done, Kept, Kind, NotRun, Number, write_night
+from actin_xcheck.nightly.record import FILE_NAME, STUDY, Done, Kept, NotRun, Number, NumberKind, write_night
 from actin_xcheck.runs.executor import Executor, in_turn
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.processes import Lost, how_ended, prepare, work_alone
@@ -55,7 +55,7 @@ TRIED = 4
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedItem:
     """A check as it is asked for.
 
     Attributes
@@ -92,7 +92,7 @@ class _OutOfTime(BaseException):
     """Not an Exception, so that nothing takes it for one of its own."""
 
 
-def carry_out(asked: Asked, night: Path) -> Done | Stopped:
+def carry_out(asked: AskedItem, night: Path) -> Done | Stopped:
     """Carry out a check, with files into the night's folder, unless it is not expected to be over in time."""
     if asked.away:
         return _elsewhere(asked, night)
@@ -125,7 +125,7 @@ def ended(name: str, lost: Lost, seconds: float) -> Done | Stopped:
     return Done(name, (no_verdict(name, trouble),), ("",), seconds=seconds, trouble=trouble)
 
 
-def _find(given: tuple[Asked, Path]) -> Done | Stopped:
+def _find(given: tuple[AskedItem, Path]) -> Done | Stopped:
     """In the process: carry the check out and measure it."""
     asked, night = given
     name, folder = asked.item.name, night / asked.folder
@@ -150,9 +150,9 @@ def _find(given: tuple[Asked, Path]) -> Done | Stopped:
         folder.rmdir()
         where = ""
     numbers = (
-        Number(f"seconds/{name}", Kind.TIME, seconds, "s"),
-        Number(f"memory/{name}", Kind.MEMORY, float(memory), "bytes"),
-        *(Number(f"{what}/{name}", Kind.COUNT, float(count)) for what, count in sorted(WORK.items())),
+        Number(f"seconds/{name}", NumberKind.TIME, seconds, "s"),
+        Number(f"memory/{name}", NumberKind.MEMORY, float(memory), "bytes"),
+        *(Number(f"{what}/{name}", NumberKind.COUNT, float(count)) for what, count in sorted(WORK.items())),
         *(
             one if one.source.startswith("python ") else replace(one, source=f"{where}/{one.source}")
             for one in found.numbers
@@ -192,7 +192,7 @@ def _limited(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _elsewhere(asked: Asked, night: Path) -> Done | Stopped:
+def _elsewhere(asked: AskedItem, night: Path) -> Done | Stopped:
     """Carry out a check for another machine, by a process whose main thread can be stopped in time.
 
     Times and memory are no numbers of that machine and are left out; `Done.seconds` stays, for the plan.
@@ -286,7 +286,7 @@ def night(tonight: Tonight, away: bool = False, patience: float = LEAST_PATIENCE
         found = []
         for turn, item in enumerate(items):
             seconds, there = known.expected(item), away and not item.timed
-            asked = Asked(item, fault, seconds, tonight.deadline, patience, there)
+            asked = AskedItem(item, fault, seconds, tonight.deadline, patience, there)
             found.append(Task(carry_out, asked, seconds, lost=_left_out, alone=item.timed, turn=turn))
         return found
 
@@ -299,7 +299,7 @@ def night(tonight: Tonight, away: bool = False, patience: float = LEAST_PATIENCE
     return Report("", "", {"checks": Table("Checks", over), "not run": Table("Not run", left_out)})
 
 
-def _left_out(asked: Asked, lost: Lost) -> Done | NotRun:
+def _left_out(asked: AskedItem, lost: Lost) -> Done | NotRun:
     """What stands for an answer that there is not."""
     found = lost if isinstance(lost, Stopped) else ended(asked.item.name, lost, 0.0)
     return found if isinstance(found, Done) else NotRun(asked.item.name, found.message, found.seconds)
@@ -315,7 +315,7 @@ def _controls(
     green = [
         (item.check, one)
         for item, one in judged
-        if isinstance(item, Checked) and isinstance(one, Done) and not one.red
+        if isinstance(item, CheckItem) and isinstance(one, Done) and not one.red
     ]
     green.sort(key=lambda pair: (not pair[0].bounded, pair[1].seconds))
     whole = all(isinstance(one, Done) for item, one in judged if not item.timed)

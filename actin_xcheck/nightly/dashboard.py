@@ -16,9 +16,18 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.nightly.changes import events
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
-from actin_xcheck.nightly.history import Counted, Judged, Series, read_claims, read_nights, read_series
+from actin_xcheck.nightly.history import Counted, JudgedNumber, Series, read_claims, read_nights, read_series
 from actin_xcheck.nightly.items import COMPARISON, Group, group_of
-from actin_xcheck.nightly.record import FILE_NAME, Done, Kept, Kind, NotRun, nights_in, read_night, short
+from actin_xcheck.nightly.record import (
+    FILE_NAME,
+    Done,
+    Kept,
+    NotRun,
+    NumberKind,
+    nights_in,
+    read_night,
+    short,
+)
 from actin_xcheck.report.draw import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.film import on_triangles
 from actin_xcheck.report.page import environment, put_page
@@ -224,7 +233,7 @@ def _dashed(verdict: str) -> str:
     return verdict.lower().replace(" ", "-")
 
 
-def _lights(shown: Mapping[str, Mapping[str, Judged]]) -> list[_Light]:
+def _lights(shown: Mapping[str, Mapping[str, JudgedNumber]]) -> list[_Light]:
     """The groups with their lights in the nights that are shown."""
     counts = {name: {group: Counter[str]() for group in Group} for name in shown}
     for name, claims in shown.items():
@@ -239,10 +248,10 @@ def _lights(shown: Mapping[str, Mapping[str, Judged]]) -> list[_Light]:
 
 
 def _by_check(
-    claims: Mapping[str, Judged], lines: Mapping[str, str]
-) -> dict[str, list[tuple[Judged, Group, str]]]:
+    claims: Mapping[str, JudgedNumber], lines: Mapping[str, str]
+) -> dict[str, list[tuple[JudgedNumber, Group, str]]]:
     """The claims of the last night with their lines by their checks, checks with red ones first."""
-    found: dict[str, list[tuple[Judged, Group, str]]] = {}
+    found: dict[str, list[tuple[JudgedNumber, Group, str]]] = {}
     for key, one in claims.items():
         found.setdefault(one.check, []).append((one, group_of(one.claim), lines.get(f"claim/{key}", "")))
     red = {one.check for one in claims.values() if one.claim.verdict == "FAIL"}
@@ -251,9 +260,11 @@ def _by_check(
 
 def _by_kind(
     series: Mapping[str, Series], last: str, lines: Mapping[str, str]
-) -> dict[Kind, list[tuple[Series, str]]]:
+) -> dict[NumberKind, list[tuple[Series, str]]]:
     """The numbers that the last night has, claims apart, with their lines."""
-    found: dict[Kind, list[tuple[Series, str]]] = {kind: [] for kind in Kind if kind is not Kind.CLAIM}
+    found: dict[NumberKind, list[tuple[Series, str]]] = {
+        kind: [] for kind in NumberKind if kind is not NumberKind.CLAIM
+    }
     for key, one in series.items():
         if one.kind in found and one.nights[-1].name == last:
             found[one.kind].append((one, lines[key]))
@@ -306,7 +317,7 @@ def sparkline(series: Series, changed: Collection[str] = ()) -> Markup:
         return Markup('<span class="none">no number</span>')
     x = np.linspace(3, WIDTH - 3, len(nights)) if len(nights) > 1 else np.array([WIDTH - 3.0])
     low, high = scaled[finite].min(), scaled[finite].max()
-    least = 0.02 if series.kind is not Kind.RATE else 1e-6  # round-off is drawn as none
+    least = 0.02 if series.kind is not NumberKind.RATE else 1e-6  # round-off is drawn as none
     y = HEIGHT - 3 - (HEIGHT - 6) * (scaled - low) / max(high - low, least)
     new = [i for i, night in enumerate(nights) if night.name in changed]
     drawn = [f'<path class="change" d="M{x[i]:.1f} 0v{HEIGHT}"/>' for i in new]

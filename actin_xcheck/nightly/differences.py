@@ -8,18 +8,18 @@ from enum import StrEnum
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
-from actin_xcheck.nightly.history import Judged, Series
-from actin_xcheck.nightly.record import Kind, Night, Number
+from actin_xcheck.nightly.history import JudgedNumber, Series
+from actin_xcheck.nightly.record import Night, Number, NumberKind
 
 ROUND_OFF = 1e-11
 """Values of claims and errors up to this are round-off, whose doubling is no news."""
 
 _SAID = {
-    Kind.CLAIM: "no claim's value is twice what it was",
-    Kind.ERROR: "no error is twice what it was",
-    Kind.ORDER: "no order is lower by a tenth",
-    Kind.RATE: "no growth rate has moved by a twentieth",
-    Kind.COUNT: "no counted work is 15 % more",
+    NumberKind.CLAIM: "no claim's value is twice what it was",
+    NumberKind.ERROR: "no error is twice what it was",
+    NumberKind.ORDER: "no order is lower by a tenth",
+    NumberKind.RATE: "no growth rate has moved by a twentieth",
+    NumberKind.COUNT: "no counted work is 15 % more",
 }
 
 
@@ -44,7 +44,7 @@ class Difference:
     """
 
     key: str
-    kind: Kind
+    kind: NumberKind
     unit: str
     old: float
     new: float
@@ -146,10 +146,10 @@ def differences(old: Iterable[Number], new: Iterable[Number]) -> list[Difference
     return sorted(found, key=lambda one: (-one.weight, one.key))
 
 
-def turned(old: Mapping[str, Judged], new: Mapping[str, Judged]) -> list[Turned]:
+def turned(old: Mapping[str, JudgedNumber], new: Mapping[str, JudgedNumber]) -> list[Turned]:
     """Return the claims whose verdicts differ, those that fail in the new night first."""
 
-    def stands(one: Judged | None) -> tuple[str, float, float]:
+    def stands(one: JudgedNumber | None) -> tuple[str, float, float]:
         return (one.claim.verdict, one.claim.value, one.claim.bound) if one else ("none", math.nan, math.nan)
 
     found = []
@@ -160,7 +160,7 @@ def turned(old: Mapping[str, Judged], new: Mapping[str, Judged]) -> list[Turned]
     return sorted(found, key=lambda one: (one.now != "FAIL", one.key))
 
 
-def _direction(kind: Kind, size: float) -> str:
+def _direction(kind: NumberKind, size: float) -> str:
     if math.isnan(size):  # it was asked for and could not be had
         return "worse"
     if kind.worse == 0 or size == 0:
@@ -171,8 +171,8 @@ def _direction(kind: Kind, size: float) -> str:
 def against(
     night: Night,
     again: str,
-    old: tuple[Sequence[Number], Mapping[str, Judged]],
-    new: tuple[Sequence[Number], Mapping[str, Judged]],
+    old: tuple[Sequence[Number], Mapping[str, JudgedNumber]],
+    new: tuple[Sequence[Number], Mapping[str, JudgedNumber]],
 ) -> list[Claim]:
     """Return a claim for every kind of number: that none is worse by what is of interest.
 
@@ -218,12 +218,14 @@ def against(
     ]
 
 
-def _values(claims: Mapping[str, Judged]) -> list[Number]:
+def _values(claims: Mapping[str, JudgedNumber]) -> list[Number]:
     return [
-        Number(f"claim/{key}", Kind.CLAIM, one.claim.value) for key, one in claims.items() if one.claim.judged
+        Number(f"claim/{key}", NumberKind.CLAIM, one.claim.value)
+        for key, one in claims.items()
+        if one.claim.judged
     ]
 
 
 def _worse(one: Difference) -> bool:
-    small = one.kind in (Kind.CLAIM, Kind.ERROR) and one.new <= ROUND_OFF
-    return not small and (one.direction in ("worse", "gone") or one.kind is Kind.RATE)
+    small = one.kind in (NumberKind.CLAIM, NumberKind.ERROR) and one.new <= ROUND_OFF
+    return not small and (one.direction in ("worse", "gone") or one.kind is NumberKind.RATE)

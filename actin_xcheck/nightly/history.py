@@ -24,7 +24,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from actin_xcheck.nightly.record import Done, Kept, Kind, Night, Number, number
+from actin_xcheck.nightly.record import Done, Kept, Night, Number, NumberKind, number
 
 FILE_NAME = "history.sqlite"
 
@@ -45,7 +45,7 @@ _STATED = ("name", "date", "commit", "machine", "command", "budget", "seconds")
 
 _COLUMNS = ", ".join(f'"{name}"' for name in _STATED)
 
-_Row = TypeVar("_Row", Number, "Judged")
+_Row = TypeVar("_Row", Number, "JudgedNumber")
 
 _TABLES = """
 CREATE TABLE nights (night INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, date TEXT NOT NULL,
@@ -63,15 +63,26 @@ CREATE TABLE claims (night INTEGER NOT NULL REFERENCES nights, key TEXT NOT NULL
     "check" TEXT NOT NULL, seconds REAL, source TEXT NOT NULL, PRIMARY KEY (night, key)) WITHOUT ROWID
 """
 
-_LEAST = {Kind.ERROR: 1e-16, Kind.CLAIM: 1e-16, Kind.TIME: 1e-6, Kind.MEMORY: 1.0, Kind.COUNT: 0.5}
+_LEAST = {
+    NumberKind.ERROR: 1e-16,
+    NumberKind.CLAIM: 1e-16,
+    NumberKind.TIME: 1e-6,
+    NumberKind.MEMORY: 1.0,
+    NumberKind.COUNT: 0.5,
+}
 """Below this, numbers on a logarithm are one: smaller errors are round-off, and 0 has no logarithm."""
 
-_INTEREST = {Kind.ERROR: math.log(2.0), Kind.CLAIM: math.log(2.0), Kind.ORDER: 0.1, Kind.RATE: 0.05}
+_INTEREST = {
+    NumberKind.ERROR: math.log(2.0),
+    NumberKind.CLAIM: math.log(2.0),
+    NumberKind.ORDER: 0.1,
+    NumberKind.RATE: 0.05,
+}
 """The smallest change of interest, on the number's scale, but of work; of a rate, in parts of its median."""
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedNumber:
     """A claim as it came out in a night: in which check, how long its runs took, the file that holds them."""
 
     claim: Claim
@@ -97,7 +108,7 @@ class Series:
     """
 
     key: str
-    kind: Kind
+    kind: NumberKind
     unit: str
     nights: tuple[Night, ...]
     values: Array
@@ -117,7 +128,7 @@ class Series:
     @property
     def interest(self) -> float:
         """The smallest change of interest, on that scale."""
-        size = float(np.nanmedian(np.abs(self.values))) if self.kind is Kind.RATE else 1.0
+        size = float(np.nanmedian(np.abs(self.values))) if self.kind is NumberKind.RATE else 1.0
         return max(_INTEREST.get(self.kind, math.log(1.15)) * size, self.round_off)
 
     @property
@@ -142,7 +153,7 @@ class Counted:
     verdicts: Counter[str]
 
 
-def append(path: Path, night: Night, numbers: Iterable[Number], claims: Iterable[Judged] = ()) -> Night:
+def append(path: Path, night: Night, numbers: Iterable[Number], claims: Iterable[JudgedNumber] = ()) -> Night:
     """Add a night to the history, whole or not at all, and return it as it is called there.
 
     A name that is taken gets a number behind it, as does a key that comes twice in one night.  The file is
@@ -182,20 +193,20 @@ def remember(history: Path, kept: Kept) -> Night:
 
 def numbers_of(kept: Kept) -> Iterator[Number]:
     """The numbers of a night beside the values of its claims."""
-    yield Number("kernel", Kind.TIME, kept.begun.kernel, "s")
+    yield Number("kernel", NumberKind.TIME, kept.begun.kernel, "s")
     for one in kept.done:
         yield from one.numbers
-        yield Number(f"red/{one.name}", Kind.COUNT, float(one.red))
+        yield Number(f"red/{one.name}", NumberKind.COUNT, float(one.red))
     for left in kept.left_out:
         if left.seconds:
-            yield Number(f"{STOPPED}/{left.name}", Kind.TIME, left.seconds, "s")
+            yield Number(f"{STOPPED}/{left.name}", NumberKind.TIME, left.seconds, "s")
 
 
-def judged_in(done: Iterable[Done]) -> Iterator[Judged]:
+def judged_in(done: Iterable[Done]) -> Iterator[JudgedNumber]:
     """The claims of checks as the history keeps them."""
     for one in done:
         for claim, file in zip(one.claims, one.files, strict=True):
-            yield Judged(claim, one.name, one.seconds, file)
+            yield JudgedNumber(claim, one.name, one.seconds, file)
 
 
 def read_nights(path: Path) -> list[Counted]:
@@ -216,12 +227,12 @@ def read_numbers(path: Path, name: str) -> list[Number]:
     chosen = "SELECT key, kind, value, unit, source FROM numbers JOIN nights USING (night) WHERE name = ?"
     with _reading(path) as rows:
         return [
-            Number(key, Kind(kind), number(value), unit, source)
+            Number(key, NumberKind(kind), number(value), unit, source)
             for key, kind, value, unit, source in rows.execute(f"{chosen} ORDER BY key", (name,))
         ]
 
 
-def read_claims(path: Path, name: str) -> dict[str, Judged]:
+def read_claims(path: Path, name: str) -> dict[str, JudgedNumber]:
     """Return the claims of a night by their keys."""
     chosen = "SELECT claims.* FROM claims JOIN nights USING (night) WHERE name = ? ORDER BY key"
     with _reading(path) as rows:
@@ -245,7 +256,9 @@ def read_series(path: Path, pattern: str = "*") -> list[Series]:
         nights, found = _nights(rows), []
         for (key, kind, unit), group in groupby(rows.execute(chosen, (pattern,)), lambda row: row[:3]):
             places, values = zip(*((row[3], number(row[4])) for row in group), strict=True)
-            found.append(Series(key, Kind(kind), unit, tuple(nights[i] for i in places), np.array(values)))
+            found.append(
+                Series(key, NumberKind(kind), unit, tuple(nights[i] for i in places), np.array(values))
+            )
         return found
 
 
@@ -260,16 +273,16 @@ def find_night(nights: Sequence[Counted], text: str) -> Counted:
     return (exact or found)[0]
 
 
-def _claim(one: Judged) -> dict[str, Any]:
+def _claim(one: JudgedNumber) -> dict[str, Any]:
     """What columns hold of a claim."""
     stated = vars(one.claim) | {"methods": " ".join(one.claim.methods), "verdict": one.claim.verdict}
     return stated | {"check": one.check, "seconds": one.seconds, "source": one.source}
 
 
-def _judged(said: Mapping[str, Any]) -> Judged:
+def _judged(said: Mapping[str, Any]) -> JudgedNumber:
     """The claim that columns hold, and how it was judged."""
     claim = {name: number(said[name]) for name in ("value", "bound")} | {"methods": said["methods"].split()}
-    return Judged(claim_of({**said, **claim}), said["check"], number(said["seconds"]), said["source"])
+    return JudgedNumber(claim_of({**said, **claim}), said["check"], number(said["seconds"]), said["source"])
 
 
 def _columns(found: sqlite3.Cursor) -> Iterator[dict[str, Any]]:
@@ -352,7 +365,7 @@ def _bring_forward(rows: sqlite3.Connection, path: Path) -> None:
     rows.execute("COMMIT")
 
 
-def _told(said: dict[str, Any]) -> Judged:
+def _told(said: dict[str, Any]) -> JudgedNumber:
     """A claim of the version before, whose statement ended in its check."""
     statement, _, check = said["statement"].rpartition(" · ")
     return _judged(said | {"statement": statement, "check": check})

@@ -12,13 +12,13 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import Ending, UserError
-from actin_xcheck.nightly.record import Done, Kind, Number
+from actin_xcheck.nightly.record import Done, Number, NumberKind
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.chart.measure import Asked, Sample, command_of, measured
+from actin_xcheck.studies.chart.measure import AskedSample, Sample, command_of, measured
 from actin_xcheck.studies.checks import Compared
 from actin_xcheck.studies.converge import Error, Order
 from actin_xcheck.studies.faults import FAULTS, Check, control, held_against
@@ -112,7 +112,7 @@ class NotDecided(Exception):
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckItem:
     """A check of the harness; while it runs it is noted which functions with a known fault it calls."""
 
     check: Check
@@ -205,7 +205,7 @@ class Costed:
         point = Numerics(
             method, self.refine, scene.time.end / self.steps, self.rtol if method.adaptive else None
         )
-        sample = measured(Asked(scene, point), folder)
+        sample = measured(AskedSample(scene, point), folder)
         kernels = float(np.median(sample.kernels))
         command = command_of(point, scene)
         claim = Claim(
@@ -227,10 +227,15 @@ def _costs(name: str, sample: Sample, kernels: float, command: str) -> list[Numb
     tried = sample.steps + sample.rejected
     counted = {"steps": tried, "factorisations": sample.factorisations, "solves": sample.solves}
     return [
-        Number(f"{name}/kernels", Kind.TIME, kernels, "reference kernels", command),
-        Number(f"{name}/kernels per step", Kind.TIME, kernels / max(tried, 1), "reference kernels", command),
-        Number(f"{name}/memory", Kind.MEMORY, float(sample.memory), "bytes", command),
-        *(Number(f"{name}/{what}", Kind.COUNT, float(count), "", command) for what, count in counted.items()),
+        Number(f"{name}/kernels", NumberKind.TIME, kernels, "reference kernels", command),
+        Number(
+            f"{name}/kernels per step", NumberKind.TIME, kernels / max(tried, 1), "reference kernels", command
+        ),
+        Number(f"{name}/memory", NumberKind.MEMORY, float(sample.memory), "bytes", command),
+        *(
+            Number(f"{name}/{what}", NumberKind.COUNT, float(count), "", command)
+            for what, count in counted.items()
+        ),
     ]
 
 
@@ -316,15 +321,15 @@ def numbers_in(folder: Path, check: str) -> Iterator[Number]:
             if triangle.quantity == "growth_rate":
                 for method, corner in zip(triangle.methods, triangle.corners, strict=False):
                     key = f"rate/{triangle.scene}/{method} · {check}"
-                    yield Number(key, Kind.RATE, corner.value, "", f"{COMPARISON}/tables/triangles")
+                    yield Number(key, NumberKind.RATE, corner.value, "", f"{COMPARISON}/tables/triangles")
     for run in sorted(_finished(folder)):
         if "--coarser-" in run.name:
             continue
         with reading(run, "run") as file:
             steps = len(file["run/series/time"]) - 1
             seconds = float(file["run"].attrs["wall_seconds"])
-        yield Number(f"steps/{run.stem} · {check}", Kind.COUNT, float(steps), "", run.name)
-        yield Number(f"step/{run.stem} · {check}", Kind.TIME, seconds / max(steps, 1), "s", run.name)
+        yield Number(f"steps/{run.stem} · {check}", NumberKind.COUNT, float(steps), "", run.name)
+        yield Number(f"step/{run.stem} · {check}", NumberKind.TIME, seconds / max(steps, 1), "s", run.name)
 
 
 def _of_orders(folder: Path) -> Iterator[Number]:
@@ -333,6 +338,6 @@ def _of_orders(folder: Path) -> Iterator[Number]:
         errors = read_table(file["tables/errors"], Error)
     known = {one.key: one.error for one in errors if np.isfinite(one.error)}  # the last of each
     for key, error in known.items():
-        yield Number(f"error/{key}", Kind.ERROR, error, "", f"{ORDERS}/tables/errors")
+        yield Number(f"error/{key}", NumberKind.ERROR, error, "", f"{ORDERS}/tables/errors")
     for one in orders:
-        yield Number(f"order/{one.key}", Kind.ORDER, one.last, "", f"{ORDERS}/tables/orders")
+        yield Number(f"order/{one.key}", NumberKind.ORDER, one.last, "", f"{ORDERS}/tables/orders")

@@ -16,7 +16,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import locked, new_folder
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import STOPPED, Series, find_night, read_claims, read_nights, read_series
-from actin_xcheck.nightly.items import Checked, Control, Costed, Diluted, Item, night_long
+from actin_xcheck.nightly.items import CheckItem, Control, Costed, Diluted, Item, night_long
 from actin_xcheck.nightly.record import FILE_NAME, Begun, Kept, nights_in, write_night
 from actin_xcheck.runs.executor import cores
 from actin_xcheck.runs.method import METHODS, Method, find_method
@@ -97,7 +97,7 @@ class Past:
 
 def suite() -> tuple[Item, ...]:
     """Everything there is: checks of the harness, controls, which need them, costs, measured one by one."""
-    checks = [Checked(check, _guess(check)) for check in (*SUITE, *EXTRA)]
+    checks = [CheckItem(check, _guess(check)) for check in (*SUITE, *EXTRA)]
     controls = [Control(name, GUESSED) for name in FAULTS]
     costs = [
         Costed(COST_SCENE, name, COST_REFINE, COST_STEPS, COST_RTOL, _guessed(method))
@@ -261,7 +261,7 @@ def with_fault(items: Sequence[Item], fault: str) -> tuple[Item, ...]:
     if not fault:
         return tuple(items)
     with night_long(fault):
-        return tuple(replace(item, watches=False) for item in items if isinstance(item, Checked))
+        return tuple(replace(item, watches=False) for item in items if isinstance(item, CheckItem))
 
 
 @contextmanager

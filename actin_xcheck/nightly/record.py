@@ -23,7 +23,7 @@ SCHEMA = 1
 """Version of the lines."""
 
 
-class Kind(StrEnum):
+class NumberKind(StrEnum):
     """What a number is, which says how it is read."""
 
     ERROR = "error"
@@ -37,17 +37,17 @@ class Kind(StrEnum):
     @property
     def worse(self) -> int:
         """1 where larger is worse, -1 where smaller is, 0 where either is news."""
-        return {Kind.ORDER: -1, Kind.RATE: 0}.get(self, 1)
+        return {NumberKind.ORDER: -1, NumberKind.RATE: 0}.get(self, 1)
 
     @property
     def logarithmic(self) -> bool:
         """Whether numbers are compared by their ratio."""
-        return self not in (Kind.ORDER, Kind.RATE)
+        return self not in (NumberKind.ORDER, NumberKind.RATE)
 
     @property
     def of_machine(self) -> bool:
         """Whether numbers of different machines say nothing about each other."""
-        return self in (Kind.TIME, Kind.MEMORY)
+        return self in (NumberKind.TIME, NumberKind.MEMORY)
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Number:
     """
 
     key: str
-    kind: Kind
+    kind: NumberKind
     value: float
     unit: str = ""
     source: str = ""
@@ -299,7 +299,8 @@ def _done(said: dict[str, Any]) -> Done:
         claim_of(one | {name: number(one[name]) for name in ("value", "bound")}) for one in said["claims"]
     )
     numbers = (
-        Number(**one | {"kind": Kind(one["kind"]), "value": number(one["value"])}) for one in said["numbers"]
+        Number(**one | {"kind": NumberKind(one["kind"]), "value": number(one["value"])})
+        for one in said["numbers"]
     )
     lists = {"claims": claims, "numbers": numbers, **{name: said[name] for name in ("files", "reached")}}
     return Done(

@@ -35,7 +35,7 @@ MAX_COLUMNS = 5
 
 
 @dataclass(frozen=True)
-class Row:
+class FilmRow:
     """Pictures of one method (or of one difference) at the strip's times; None where there is no frame."""
 
     label: str
@@ -54,7 +54,7 @@ class FilmStrip:
     """
 
     times: tuple[float, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[FilmRow, ...]
     bars: tuple[ColourBar, ...]
     clipped: bool
     shown: Window
@@ -74,9 +74,9 @@ def film_strip(runs: Sequence[Run]) -> FilmStrip:
     shown = window([x for row in shots.values() for x, _ in filter(None, row)] + [runs[0].xi])
     brushes = {name: _brush(run, shown) for name, run in named.items()}
 
-    def row(label: str, brush: str, what: str, shots: list[Shot], scale: Colours) -> Row:
+    def row(label: str, brush: str, what: str, shots: list[Shot], scale: Colours) -> FilmRow:
         times, chosen = [every[i] for i in columns], [shots[i] for i in columns]
-        return Row(label, what == label, _panels(brushes[brush], what, times, chosen, scale))
+        return FilmRow(label, what == label, _panels(brushes[brush], what, times, chosen, scale))
 
     completed = [name for name, run in named.items() if run.attributes["outcome"] == "completed"]
     reach = span(_values([shots[name] for name in completed or named]))

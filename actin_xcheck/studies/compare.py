@@ -54,7 +54,7 @@ def compare(jobs: Sequence[Stored]) -> Study:
     levels = [_levels(job, beside) for job in jobs]
     runs = yield from _ran(levels)
     by_scene = [tuple(of_one) for _, of_one in groupby(levels, lambda one: one[0].scene.name)]
-    found: list[Judged] = yield [Task(judged, of_one, JUDGED) for of_one in by_scene]
+    found: list[JudgedScene] = yield [Task(judged, of_one, JUDGED) for of_one in by_scene]
     partings, lent = yield from _localised(by_scene, found)
     runs += lent
     claims = tuple(claim for one in found for claim in one.claims)
@@ -91,7 +91,7 @@ def _ran(
 
 
 def _localised(
-    by_scene: Sequence[Sequence[tuple[Stored, ...]]], found: Sequence["Judged"]
+    by_scene: Sequence[Sequence[tuple[Stored, ...]]], found: Sequence["JudgedScene"]
 ) -> Generator[list[Task], list[Any], tuple[list["Localised"], list["RunRow"]]]:
     """Where codes part, ask for the volumes with the force balance of the elements, and what that tells.
 
@@ -169,7 +169,7 @@ def _levels(job: Stored, beside: Sequence[Stored]) -> tuple[Stored, ...]:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedScene:
     """What the runs of a scene come to: claims of single runs and pairs, then those of the triangles; and
     which pairs of methods part.
     """
@@ -181,7 +181,7 @@ class Judged:
     finals: tuple[FinalValue, ...] = ()
 
 
-def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> Judged:
+def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> JudgedScene:
     """Judge the runs of a scene, of each method the one asked for and its companions, from their files."""
     scene = asked[0][0].scene
     levels = [_read(jobs, folder) for jobs in asked]
@@ -189,7 +189,7 @@ def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> Judged:
     triangles = triangulate(scene, levels)
     of_triangles = (one.claim(again(scene, *(runs[name] for name in one.methods))) for one in triangles)
     claims = (*judge(scene, runs), *of_triangles)
-    return Judged(
+    return JudgedScene(
         claims=claims,
         triangles=tuple(triangles),
         known=known_to(scene, levels),

@@ -95,21 +95,21 @@ class Triplet:
 
 
 @dataclass(frozen=True)
-class Found:
+class StatedErrors:
     """What a ladder states; triplets whose truth is not known well enough, or round-off, are left out."""
 
     triplets: tuple[Triplet, ...]
 
 
 @dataclass(frozen=True)
-class Truth:
+class TruthRun:
     """How well the truth of a scene is known: the estimated error of its run, nan where it broke down."""
 
     estimate: float
 
 
 @dataclass(frozen=True)
-class Ladder:
+class AskedLadder:
     """A question: the finest run, and the file of the run that stands for the truth, where none is known."""
 
     finest: Stored
@@ -117,7 +117,7 @@ class Ladder:
 
 
 @dataclass(frozen=True)
-class Row:
+class CoverageRow:
     """What the triplets of a method or a quantity come to.
 
     Attributes
@@ -152,12 +152,12 @@ def coverage(
     ladders = [
         Task(climb, one, _seconds(one)) for scene in scenes for one in _ladders(scene, methods, finest)
     ]
-    truths: list[Truth] = []
+    truths: list[TruthRun] = []
     if unknown:
         later = sum(task.seconds for task in ladders)
         truths = yield Batch([Task(true, one, 20.0, (_file(one),)) for one in unknown], later)
     broken = {one.name for one, truth in zip(unknown, truths, strict=True) if np.isnan(truth.estimate)}
-    found: list[Found] = yield [task for task in ladders if task.ask.finest.scene.name not in broken]
+    found: list[StatedErrors] = yield [task for task in ladders if task.ask.finest.scene.name not in broken]
     return _report([triplet for one in found for triplet in one.triplets], made)
 
 
@@ -176,29 +176,29 @@ def _file(scene: Scene) -> str:
     return f"truth--{scene.name}.vtkhdf"
 
 
-def true(scene: Scene, folder: Path) -> Truth:
+def true(scene: Scene, folder: Path) -> TruthRun:
     """Leave a run that stands for the truth in the study's folder."""
-    return Truth(deliver(scene, TRUTH, folder / _file(scene), "").estimate)
+    return TruthRun(deliver(scene, TRUTH, folder / _file(scene), "").estimate)
 
 
-def _ladders(scene: Scene, methods: Sequence[Method], finest: Mapping[int, int]) -> Iterator[Ladder]:
+def _ladders(scene: Scene, methods: Sequence[Method], finest: Mapping[int, int]) -> Iterator[AskedLadder]:
     """A scene by every method, with equal steps and, where it is adaptive, with a tolerance."""
     truth = "" if _is_known(scene) else _file(scene)
     for method in methods:
         refine, (_, dt) = finest[method.space], suited(scene)
         for rtol in (None, RTOL) if method.adaptive else (None,):
-            yield Ladder(Stored(scene, Numerics(method, refine, dt, rtol), "run.vtkhdf"), truth)
+            yield AskedLadder(Stored(scene, Numerics(method, refine, dt, rtol), "run.vtkhdf"), truth)
 
 
 def _levels(finest: Stored) -> list[Stored]:
     return [finest, *companions_of(finest, finest.numerics.refine - 1)]
 
 
-def _seconds(ladder: Ladder) -> float:
+def _seconds(ladder: AskedLadder) -> float:
     return sum(job.seconds for job in _levels(ladder.finest))
 
 
-def climb(ladder: Ladder, folder: Path) -> Found:
+def climb(ladder: AskedLadder, folder: Path) -> StatedErrors:
     """Run a ladder, and hold what every three neighbouring levels state against the truth."""
     scene, method = ladder.finest.scene, ladder.finest.numerics.method
     truth = read_run(folder / ladder.truth) if ladder.truth else None
@@ -212,7 +212,7 @@ def climb(ladder: Ladder, folder: Path) -> Found:
         for finest in range(len(jobs) - 2)
         for triplet in _triplets(scene, Levels(method, tuple(runs[finest : finest + 3])), truth)
     ]
-    return Found(tuple(found))
+    return StatedErrors(tuple(found))
 
 
 def _triplets(scene: Scene, levels: Levels, truth: Run | None) -> Iterator[Triplet]:
@@ -255,11 +255,11 @@ def _truth(scene: Scene, quantity: str, t: float, truth: Run | None) -> tuple[Ar
     return value, float(truth.attributes["error_estimate"]) * size
 
 
-def _row(of: str, triplets: Sequence[Triplet]) -> Row:
+def _row(of: str, triplets: Sequence[Triplet]) -> CoverageRow:
     stated, error = (np.array([getattr(one, name) for one in triplets]) for name in ("stated", "error"))
     with np.errstate(divide="ignore"):
         ratios = stated / error
-    return Row(
+    return CoverageRow(
         of=of,
         triplets=len(triplets),
         covered=float(np.mean(error <= stated)),
@@ -296,10 +296,10 @@ def _grouped(triplets: Sequence[Triplet], of: str) -> dict[str, list[Triplet]]:
     return groups
 
 
-def _claims(rows: Sequence[Row], made: str) -> Iterator[Claim]:
+def _claims(rows: Sequence[CoverageRow], made: str) -> Iterator[Claim]:
     """That nearly all cover the true error, of all methods and of each; that half of all are near it."""
 
-    def claim(row: Row, quantity: str, statement: str, value: float, bound: float) -> Claim:
+    def claim(row: CoverageRow, quantity: str, statement: str, value: float, bound: float) -> Claim:
         return Claim(
             kind=ClaimKind.COVERAGE,
             quantity=quantity,

@@ -60,7 +60,7 @@ ROUNDS, COARSEST = 8, 1
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnScene:
     """A question: a scene's text, what it is called, and how often h and the number of steps are halved."""
 
     scene: str
@@ -69,7 +69,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedScene:
     """What was found of a scene.
 
     Attributes
@@ -94,7 +94,7 @@ class Checked:
 
 
 @dataclass(frozen=True)
-class Row:
+class RandomRow:
     """A scene in the table of all.
 
     Attributes
@@ -126,7 +126,7 @@ def random_scenes(seed: int, count: int, first: int = 0) -> Study:
     numbers = range(first, first + count)
     asked = [_drawn(seed, number) for number in numbers]
     found = yield [_task(one) for one in asked]
-    shrunk: list[Checked] = []
+    shrunk: list[CheckedScene] = []
     for question, checked in zip(asked, found, strict=True):
         if checked.misses:
             shrunk.append((yield from _shrink(question, checked)))
@@ -155,11 +155,11 @@ def seed_of_today() -> int:
     return int(f"{date.today():%Y%m%d}")
 
 
-def _drawn(seed: int, number: int) -> Drawn:
-    return Drawn(draw.written(draw.drawn(seed, number)), f"random-{seed}-{number}")
+def _drawn(seed: int, number: int) -> DrawnScene:
+    return DrawnScene(draw.written(draw.drawn(seed, number)), f"random-{seed}-{number}")
 
 
-def _holds(checked: Checked, scene: str, seed: int, number: int) -> Claim:
+def _holds(checked: CheckedScene, scene: str, seed: int, number: int) -> Claim:
     """What a scene comes to: the claim that is furthest from holding, in bounds."""
     made = command("random", seed=seed, count=1, first=number)
     return replace(checked.worst, scene=scene, value=_ratio(checked.worst), bound=1.0, command=made)
@@ -206,15 +206,17 @@ class OfTheDate:
         ]
 
 
-def _task(asked: Drawn) -> Task:
+def _task(asked: DrawnScene) -> Task:
     return Task(check, asked, seconds=SECONDS / 8**asked.coarser)
 
 
-def _shrink(asked: Drawn, checked: Checked) -> Generator[Sequence[Task], list[Checked], Checked]:
+def _shrink(
+    asked: DrawnScene, checked: CheckedScene
+) -> Generator[Sequence[Task], list[CheckedScene], CheckedScene]:
     """Ask for ever simpler scenes, on ever coarser meshes, that still miss as this one does."""
     kind, quantity = checked.worst.kind, checked.worst.quantity
 
-    def still(one: Checked) -> bool:
+    def still(one: CheckedScene) -> bool:
         return any(
             claim.judged and not claim.holds and (claim.kind, claim.quantity) == (kind, quantity)
             for claim in one.claims
@@ -236,19 +238,19 @@ def _shrink(asked: Drawn, checked: Checked) -> Generator[Sequence[Task], list[Ch
     return checked
 
 
-def keep(asked: Drawn, folder: Path) -> Checked:
+def keep(asked: DrawnScene, folder: Path) -> CheckedScene:
     """Leave a scene as a file, and check it again there."""
     make_folder(folder / "scenes")
     replace_file(folder / "scenes" / f"{asked.name}.toml", asked.scene.encode())
     return check(asked, folder)
 
 
-def check(asked: Drawn, folder: Path) -> Checked:
+def check(asked: DrawnScene, folder: Path) -> CheckedScene:
     """Run a scene in every way that must agree, and say what does."""
     scene = parse_scene(asked.scene, f"scenes/{asked.name}.toml")
     with tempfile.TemporaryDirectory() as place, np.errstate(all="ignore"):
         claims = [*_codes(scene, asked.coarser, Path(place)), *_alike(scene, Path(place))]
-    return Checked(asked.name, asked.scene, tuple(claims))
+    return CheckedScene(asked.name, asked.scene, tuple(claims))
 
 
 def _codes(scene: Scene, coarser: int, place: Path) -> Iterator[Claim]:
@@ -329,9 +331,9 @@ def _seen(there: Run, matrix: Array) -> Run:
     return replace(there, series=there.series | {"probe_x": there.series["probe_x"] @ matrix})
 
 
-def _row(checked: Checked) -> Row:
+def _row(checked: CheckedScene) -> RandomRow:
     model, worst = parse_scene(checked.scene, checked.name).model, checked.worst
-    return Row(
+    return RandomRow(
         name=checked.name,
         rheology=str(model.rheology),
         closure=str(model.closure),
@@ -342,7 +344,7 @@ def _row(checked: Checked) -> Row:
     )
 
 
-def _chapter(found: Sequence[Checked]) -> Chapter:
+def _chapter(found: Sequence[CheckedScene]) -> Chapter:
     """How far from its bound each kind of claim stays, over the share of scenes."""
     ratios: dict[str, list[float]] = {}
     for claim in (claim for one in found for claim in one.claims if claim.judged):

@@ -24,7 +24,7 @@ from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
 if TYPE_CHECKING:
-    from actin_xcheck.studies.audit.runs import Family
+    from actin_xcheck.studies.audit.runs import RunFamily
 
 
 class Judgement(StrEnum):
@@ -63,7 +63,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Answer:
+class RowAnswer:
     """What computing comes to: see `answer`."""
 
     holds: bool
@@ -78,7 +78,7 @@ def answer(
     corrected: bool | np.bool = False,
     exhibits: tuple[Exhibit, ...] = (),
     **values: Any,
-) -> Answer:
+) -> RowAnswer:
     """Return what computing says to a row.
 
     Parameters
@@ -88,11 +88,11 @@ def answer(
     exhibits : as in `Finding`.
     values : what the words of the row name.
     """
-    return Answer(bool(holds), bool(corrected), exhibits, values)
+    return RowAnswer(bool(holds), bool(corrected), exhibits, values)
 
 
 @dataclass(frozen=True)
-class Row:
+class AuditRow:
     """One statement of the article.
 
     Attributes
@@ -104,10 +104,10 @@ class Row:
 
     key: str
     examine: Callable[..., Finding]
-    needs: "Callable[[], tuple[Family, ...]]" = tuple
+    needs: "Callable[[], tuple[RunFamily, ...]]" = tuple
 
     @cached_property
-    def families(self) -> "tuple[Family, ...]":
+    def families(self) -> "tuple[RunFamily, ...]":
         """The simulations it needs."""
         return self.needs()
 
@@ -135,20 +135,20 @@ def table(name: str) -> dict[str, dict[str, Any]]:
     return tomllib.loads((files(__package__) / name).read_text(encoding="utf-8"))
 
 
-_EXAMINERS: dict[str, Callable[..., Answer]] = {}
+_EXAMINERS: dict[str, Callable[..., RowAnswer]] = {}
 
 
-def examines(*keys: str) -> Callable[[Callable[..., Answer]], Callable[..., Answer]]:
+def examines(*keys: str) -> Callable[[Callable[..., RowAnswer]], Callable[..., RowAnswer]]:
     """Mark what computes the answer to rows, of `Evidence` where they need runs, and of what they give."""
 
-    def mark(function: Callable[..., Answer]) -> Callable[..., Answer]:
+    def mark(function: Callable[..., RowAnswer]) -> Callable[..., RowAnswer]:
         _EXAMINERS.update(dict.fromkeys(keys, function))
         return function
 
     return mark
 
 
-def answered(key: str, *evidence: Any) -> Answer:
+def answered(key: str, *evidence: Any) -> RowAnswer:
     """Return the answer to a row; one for which nothing is computed stands as it is written."""
     if key not in _EXAMINERS:
         return answer(False, corrected=True)
@@ -179,7 +179,7 @@ def examined(key: str, *evidence: Any) -> Finding:
     return Finding(judgement, computed, reason, got.exhibits, numbers(entry.get("numbers", {}), got.values))
 
 
-def _verdict(written: Judgement, got: Answer) -> Judgement:
+def _verdict(written: Judgement, got: RowAnswer) -> Judgement:
     if got.holds:
         mild = Judgement.IN_KIND, Judgement.UNDECIDABLE
         return written if written in mild else Judgement.REPRODUCED
@@ -208,7 +208,7 @@ _WORDS = _Words()
 
 
 @cache
-def rows() -> dict[str, Row]:
+def rows() -> dict[str, AuditRow]:
     """Every row by its key, in the order of the article; what computes them is loaded."""
     from actin_xcheck.studies.audit import figures, linear, model, scheme, stability, weak  # noqa: F401
     from actin_xcheck.studies.audit.checks import row_of
@@ -226,7 +226,7 @@ SHOWN = ("key", "place", "judgement", "statement", "computed", "reason", "comman
 
 
 @dataclass(frozen=True)
-class Entry:
+class AuditEntry:
     """A row as it was found.
 
     Attributes
@@ -252,7 +252,7 @@ class Entry:
 class Examined:
     """An entry and what is shown below it."""
 
-    entry: Entry
+    entry: AuditEntry
     exhibits: tuple[Exhibit, ...]
 
 
@@ -289,7 +289,7 @@ def examine(key: str, folder: Path) -> Examined:
     row = rows()[key]
     evidence = [Evidence.of(family, folder) for family in row.families]
     finding = row.examine(*evidence)
-    entry = Entry(
+    entry = AuditEntry(
         key=key,
         place=row.place,
         statement=row.statement,
@@ -303,7 +303,7 @@ def examine(key: str, folder: Path) -> Examined:
     return Examined(entry, finding.exhibits)
 
 
-def _told(entry: Entry) -> str:
+def _told(entry: AuditEntry) -> str:
     return f"{entry.key} ({entry.place}): {entry.judgement}\n  {entry.computed}\n  {entry.reason}"
 
 
@@ -320,9 +320,9 @@ def write_audit_page(path: Path) -> Path:
         attributes = {
             name: file.attrs[name] for name in file.attrs if name not in ("findings", "lead", "title")
         }
-        entries = read_table(file["tables/rows"], Entry)
+        entries = read_table(file["tables/rows"], AuditEntry)
         drawings = {chapter.key: shown for chapter, shown in drawn(read_chapters(file["exhibits"]))}
-    parts: dict[str, list[tuple[Entry, list[Drawing]]]] = {title: [] for title in _PARTS.values()}
+    parts: dict[str, list[tuple[AuditEntry, list[Drawing]]]] = {title: [] for title in _PARTS.values()}
     for entry in entries:
         part = next(title for start, title in _PARTS.items() if entry.key.startswith(start))
         parts[part].append((entry, drawings.get(entry.key, [])))

@@ -19,10 +19,10 @@ from actin_xcheck.report.exhibits import Line, Plot, Sheet, Shot, Shots
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.audit import (
-    Answer,
+    AuditRow,
     Finding,
     Judgement,
-    Row,
+    RowAnswer,
     answer,
     answered,
     article,
@@ -31,7 +31,7 @@ from actin_xcheck.studies.audit import (
     readouts,
 )
 from actin_xcheck.studies.audit.readouts import Readout, pattern
-from actin_xcheck.studies.audit.runs import Cell, Evidence, Family, Limit, time_of
+from actin_xcheck.studies.audit.runs import Evidence, Limit, RunCell, RunFamily, time_of
 from actin_xcheck.theory.dispersion import Mode, active_slope, k2_crit
 from actin_xcheck.theory.exact import Threshold, threshold
 from actin_xcheck.theory.growth import amplitude_at_rest
@@ -40,7 +40,7 @@ HOLDS, FAILS, OPEN = "holds", "fails", "open"
 
 
 @dataclass(frozen=True)
-class Check:
+class RowCheck:
     """A sentence of the article: a readout at an output time that must lie between two numbers."""
 
     words: str
@@ -76,23 +76,23 @@ class Check:
         return f"< {self.high:g}" if math.isinf(self.low) else f"{self.low:g} … {self.high:g}"
 
 
-def row_of(key: str) -> Row:
+def row_of(key: str) -> AuditRow:
     """Return the row of this key: what simulates it and how it is examined stands in `article.toml`."""
     said = article()[key]
     if "checks" in said:
-        return Row(key, partial(_simulated, key), Cell.named(said["cell"]).families)
-    return Row(key, partial(examined, key), partial(_by_finite_elements, said.get("cells", ())))
+        return AuditRow(key, partial(_simulated, key), RunCell.named(said["cell"]).families)
+    return AuditRow(key, partial(examined, key), partial(_by_finite_elements, said.get("cells", ())))
 
 
-def _by_finite_elements(names: Sequence[str]) -> tuple[Family, ...]:
-    return tuple(Cell.named(name).families()[0] for name in names)
+def _by_finite_elements(names: Sequence[str]) -> tuple[RunFamily, ...]:
+    return tuple(RunCell.named(name).families()[0] for name in names)
 
 
 def _simulated(key: str, *evidence: Evidence) -> Finding:
     """The finding on one simulation; `because` says what is known of the reason beyond the numbers."""
     said = article()[key]
     because = said.get("because", "").format(**answered(key).values)
-    finding = judged(list(map(Check.of, said["checks"])), because, *evidence)
+    finding = judged(list(map(RowCheck.of, said["checks"])), because, *evidence)
     if not key.startswith("fig"):  # a sentence's cell is shown with its figure
         return finding
     fem, fv, *_ = evidence
@@ -100,7 +100,7 @@ def _simulated(key: str, *evidence: Evidence) -> Finding:
 
 
 def judged(
-    checks: Sequence[Check], because: str, fem: Evidence, fv: Evidence, *readings: Evidence
+    checks: Sequence[RowCheck], because: str, fem: Evidence, fv: Evidence, *readings: Evidence
 ) -> Finding:
     """Return the finding that checks of one cell come to."""
     own = fem.family.reading
@@ -144,11 +144,11 @@ def _worse(one: str, other: str) -> str:
     return next(state for state in (FAILS, OPEN, HOLDS) if state in (one, other))
 
 
-def _published(check: Check, fem: Evidence) -> str:
+def _published(check: RowCheck, fem: Evidence) -> str:
     return check.state(Limit(fem.at_published(check.readout, check.t), 0.0))
 
 
-def _lacking(checks: Sequence[Check], states: dict[str, list[str]]) -> str:
+def _lacking(checks: Sequence[RowCheck], states: dict[str, list[str]]) -> str:
     """Which checks fail, and under how many of the readings."""
     counts = {
         check.words: sum(found[i] == FAILS for found in states.values()) for i, check in enumerate(checks)
@@ -156,7 +156,7 @@ def _lacking(checks: Sequence[Check], states: dict[str, list[str]]) -> str:
     return "; ".join(f"“{w}” fails under {n} of {len(states)}" for w, n in counts.items() if n) + "."
 
 
-def _computed(check: Check, fem: Evidence, fv: Evidence) -> str:
+def _computed(check: RowCheck, fem: Evidence, fv: Evidence) -> str:
     both = (fem.limit(check.readout, check.t), fv.limit(check.readout, check.t))
     text = f"{check.words} ({check.interval}): FEM {both[0]}, FV {both[1]}"
     if fem.family.published:
@@ -164,7 +164,7 @@ def _computed(check: Check, fem: Evidence, fv: Evidence) -> str:
     return text
 
 
-def _numbers(checks: Sequence[Check], fem: Evidence, fv: Evidence) -> dict[str, float]:
+def _numbers(checks: Sequence[RowCheck], fem: Evidence, fv: Evidence) -> dict[str, float]:
     numbers = {}
     for check in checks:
         for code, evidence in (("FEM", fem), ("FV", fv)):
@@ -175,7 +175,7 @@ def _numbers(checks: Sequence[Check], fem: Evidence, fv: Evidence) -> dict[str, 
     return numbers
 
 
-def _sheet(checks: Sequence[Check], fem: Evidence, fv: Evidence, readings: Sequence[Evidence]) -> Sheet:
+def _sheet(checks: Sequence[RowCheck], fem: Evidence, fv: Evidence, readings: Sequence[Evidence]) -> Sheet:
     """Checks down, resolutions and readings across; each cell a value and whether it holds."""
     codes = ("FEM", "FV", *("FEM" for _ in readings))
     limits = [f"{code}: {e.family.reading}" for code, e in zip(codes, (fem, fv, *readings), strict=True)]
@@ -217,14 +217,14 @@ def _courses(fem: Evidence, fv: Evidence) -> list[Plot]:
 
 
 @examines("s5.1-validation")
-def _on_the_wall() -> Answer:
+def _on_the_wall() -> RowAnswer:
     """What w1,1 would do by the linear theory of the static wall (3.6), started at rest."""
     near = replace(load_scene("fig06-mode-11").physics, delta=Delta.NONE)
     return answer(True, growth=float(amplitude_at_rest(near, Mode(1, 1), 1.7183)))
 
 
 @examines("s5.4-failure")
-def _fails(*evidence: Evidence) -> Answer:
+def _fails(*evidence: Evidence) -> RowAnswer:
     """What ends the run as published, and what ends it where growth is resolved."""
     runs = [(one, dt, run) for one in evidence for (_, dt), run in one.runs.items()]
     ends = [
@@ -259,13 +259,13 @@ def _thresholds(*changes: dict[str, float]) -> list[Threshold]:
 
 
 @examines("s5-remark5.1")
-def _tonicity_sets_the_transition() -> Answer:
+def _tonicity_sets_the_transition() -> RowAnswer:
     found = _thresholds({}, {"p": 0.0})
     return answer(all(one.psi is not None for one in found), found=found)
 
 
 @examines("s5-remark5.1-others")
-def _other_parameters(at: list[dict[str, float]]) -> Answer:
+def _other_parameters(at: list[dict[str, float]]) -> RowAnswer:
     """How a_sat and p move the threshold, from that of the first."""
     psi = [one.psi or math.nan for one in _thresholds(*at)]
     moved = all(abs(one / psi[0] - 1) > 0.01 for one in psi[1:])
@@ -274,7 +274,7 @@ def _other_parameters(at: list[dict[str, float]]) -> Answer:
 
 
 @examines("s6-fronts")
-def _realistic(evidence: Evidence) -> Answer:
+def _realistic(evidence: Evidence) -> RowAnswer:
     """Four fronts, on meshes that cannot resolve what is unstable."""
     k_crit = np.sqrt(k2_crit(replace(load_scene(evidence.family.scene).physics, delta=Delta.NONE)))
     end = evidence.finest.times[-1]
@@ -298,7 +298,7 @@ def _realistic(evidence: Evidence) -> Answer:
 
 
 @examines("s6-bias")
-def _bias(evidence: Evidence) -> Answer:
+def _bias(evidence: Evidence) -> RowAnswer:
     """What |sin x sin y| contains, and what is left of it."""
     modes = Mode(4, 1), Mode(2, 1), Mode(1, 1), Mode(3, 1)
     shares = {str(mode): readouts.mode_share(mode.value, mode.m)(evidence.finest, 0.0) for mode in modes}
@@ -307,7 +307,7 @@ def _bias(evidence: Evidence) -> Answer:
 
 
 @examines("s5.4-kinds")
-def _all_kinds(expanding: Evidence, contracting: Evidence, uneven: Evidence) -> Answer:
+def _all_kinds(expanding: Evidence, contracting: Evidence, uneven: Evidence) -> RowAnswer:
     grown, shrunk = (one.limit(readouts.area_change, 0.0361) for one in (expanding, contracting))
     rim = uneven.limit(readouts.unevenness, 0.0722)
     kinds = grown.value > grown.uncertainty, -shrunk.value > shrunk.uncertainty, rim.value > 0.01
@@ -315,7 +315,7 @@ def _all_kinds(expanding: Evidence, contracting: Evidence, uneven: Evidence) -> 
 
 
 @examines("s5.3-phase", "s7-converse")
-def _displacements_follow_actin(*evidence: Evidence, either: bool) -> Answer:
+def _displacements_follow_actin(*evidence: Evidence, either: bool) -> RowAnswer:
     """Correlation of a with |u| on several cells: all high, or (`either`) all of large size."""
     found = {
         f"{one.family.scene}, t = {t:g}": one.limit(readouts.displacement_agreement, t)
@@ -327,7 +327,7 @@ def _displacements_follow_actin(*evidence: Evidence, either: bool) -> Answer:
 
 
 @examines("s5.3-polarity")
-def _polarities(*evidence: Evidence) -> Answer:
+def _polarities(*evidence: Evidence) -> RowAnswer:
     """The index of polarity at the end of each simulation."""
     ends = [(one, load_scene(one.family.scene).time.end) for one in evidence]
     return answer(

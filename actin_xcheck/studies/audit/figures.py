@@ -12,7 +12,7 @@ from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.report.exhibits import Exhibit, Sheet
 from actin_xcheck.scene.expression import Expression, coordinates
-from actin_xcheck.studies.audit import Answer, answer, article, examines
+from actin_xcheck.studies.audit import RowAnswer, answer, article, examines
 from actin_xcheck.studies.audit.linear import (
     CONSTANT,
     CORRECTED,
@@ -86,7 +86,7 @@ def _shown(component: float) -> str:
 
 
 @examines("table1")
-def _table_1(printed: dict[str, float]) -> Answer:
+def _table_1(printed: dict[str, float]) -> RowAnswer:
     differing = [name for name, value in printed.items() if getattr(_UNITS, name) != value]
     length = float(np.sqrt(_UNITS.D_a / (_UNITS.k_a * 0.4)))
     same = not differing and abs(length - _UNITS.L) < 1e-9
@@ -94,7 +94,7 @@ def _table_1(printed: dict[str, float]) -> Answer:
 
 
 @examines("table2")
-def _table_2(printed: dict[str, str]) -> Answer:
+def _table_2(printed: dict[str, str]) -> RowAnswer:
     groups = _UNITS.non_dimensional()
     wrong = [name for name, text in printed.items() if not rounds_to(getattr(groups, name), text)]
     rows = [(name, text, f"{getattr(groups, name):.6g}") for name, text in printed.items()]
@@ -105,7 +105,7 @@ def _table_2(printed: dict[str, str]) -> Answer:
 
 
 @examines("table3")
-def _table_3() -> Answer:
+def _table_3() -> RowAnswer:
     """Signs of Re lambda on a random sample of (b, c), mu = 9."""
     b, c = np.random.default_rng(0).normal(size=(2, 4000))
     root = np.sqrt((b**2 - 36 * c).astype(complex))
@@ -135,7 +135,7 @@ def _table_4_row(row: Table4Row) -> tuple[str, ...]:
 
 
 @examines("table4")
-def _table_4() -> Answer:
+def _table_4() -> RowAnswer:
     sets = {row.psi: isolated(row.psi, 0.26) for row in TABLE_4_PRINTED}
     wrong = [f"{row.psi:g}" for row in TABLE_4_PRINTED if set(sets[row.psi]) != {row.modes}]
     per_unit = DimensionalParameters(psi=1.0, p=0.3).non_dimensional().psi
@@ -158,7 +158,7 @@ def _table_4() -> Answer:
 
 
 @examines("table5")
-def _table_5(psi: dict[str, float], initial: dict[str, str]) -> Answer:
+def _table_5(psi: dict[str, float], initial: dict[str, str]) -> RowAnswer:
     """Psi against Table 4, and what the initial concentrations can excite."""
     rounded = [printed for printed, exact in psi.items() if rounds_to(exact, printed)]
     scale = DimensionalParameters(psi=1.0, p=0.3).non_dimensional().psi
@@ -192,7 +192,7 @@ def _table_5(psi: dict[str, float], initial: dict[str, str]) -> Answer:
 
 
 @examines("table6")
-def _table_6() -> Answer:
+def _table_6() -> RowAnswer:
     exact = table_6()
     off = [
         (m, n, printed, float(exact[n - 1, m]))
@@ -214,7 +214,7 @@ def _table_6() -> Answer:
 
 
 @examines("fig01")
-def _contractility() -> Answer:
+def _contractility() -> RowAnswer:
     a = np.linspace(0, 12, 120001)
     sigma = Model(Parameters(1.0, 0.0, a_sat=1.1)).contractility(a)
     peak = float(a[np.argmax(sigma)])
@@ -233,7 +233,7 @@ def _contractility() -> Answer:
 
 
 @examines("fig02")
-def _pressure() -> Answer:
+def _pressure() -> RowAnswer:
     model, a = Model(Parameters(0.0, 0.26)), np.linspace(0, 1e4, 100001)
     near, far = (model.pressure(a, 0 * a, delta) for delta in (1.0, 0.0))
     stated = (np.diff(near) > 0).all() and abs(near[-1] / near[0] - 2) < 1e-3 and np.ptp(far) == 0
@@ -242,7 +242,7 @@ def _pressure() -> Answer:
 
 
 @examines("fig03")
-def _slope() -> Answer:
+def _slope() -> RowAnswer:
     grid = np.linspace(0.05, 20, 39901)[::100]
     slope = np.array([sigma_prime(Parameters(1.0, 0.0, a_sat=float(s))) for s in grid])
     zero = float(np.interp(0, slope[grid > 0.34], grid[grid > 0.34]))
@@ -259,7 +259,7 @@ def _slope() -> Answer:
 @examines("fig04", "fig06a", "fig08d", "fig09a", "fig09d")
 def _surface(
     picture: str, parts: dict[str, float], initial: str = "", missing: tuple[str, ...] = ()
-) -> Answer:
+) -> RowAnswer:
     """A predicted surface, a sum of eigenmodes, and which of them the initial concentration has or lacks."""
     modes = {Mode.named(name): factor for name, factor in parts.items()}
     rim = sum(factor * mode.value(circle()[0]) for mode, factor in modes.items())
@@ -286,14 +286,14 @@ def _flux(modes: Iterable[Mode]) -> float:
 
 
 @examines("fig05")
-def _selected_surfaces() -> Answer:
+def _selected_surfaces() -> RowAnswer:
     modes = [mode for mode in isolated_modes(linear_model(317.758, 0.26, Delta.NONE)) if mode.k > 0]
     flux = _flux(modes)
     return answer(flux < 1e-12, exhibits=atlas("fig05"), count=len(modes), modes=modes, flux=flux)
 
 
 @examines("fig07a")
-def _minus_w02(**given: Any) -> Answer:
+def _minus_w02(**given: Any) -> RowAnswer:
     surface = _surface(**given)
     per_rnd = surface.values["sums"]["w0,2"] / 1e-3
     return replace(
@@ -302,7 +302,7 @@ def _minus_w02(**given: Any) -> Answer:
 
 
 @examines("fig08a")
-def _mixed_8a(**given: Any) -> Answer:
+def _mixed_8a(**given: Any) -> RowAnswer:
     """Fig. 8a against its title in Section 5.3.2: theta_1 = pi/2 turns one into the other."""
     surface = _surface(**given)
     theta = np.linspace(0, 2 * np.pi, 65)
@@ -317,7 +317,7 @@ def _mixed_8a(**given: Any) -> Answer:
 
 
 @examines("fig21", "fig22")
-def _isolating(picture: str, psi: float, printed: dict[str, tuple[str, str]]) -> Answer:
+def _isolating(picture: str, psi: float, printed: dict[str, tuple[str, str]]) -> RowAnswer:
     """Which modes have b < 0, and the digits of their k^2 (with those of j'_m,n)."""
     modes = {Mode.named(name): texts for name, texts in printed.items()}
     alone = all(set(found) == {Mode(0, 1), *modes} for found in isolated(psi, 0.26))
@@ -336,7 +336,7 @@ def _isolating(picture: str, psi: float, printed: dict[str, tuple[str, str]]) ->
 
 
 @examines("fig23a")
-def _plane() -> Answer:
+def _plane() -> RowAnswer:
     """The order of its regions along psi at two pressures, and its maps."""
     rows: list[tuple[str, ...]] = [("p", "relation", "mode", "damped from", "grows from", "real from")]
     ordered = []
@@ -353,7 +353,7 @@ def _plane() -> Answer:
 
 
 @examines("fig23b", "fig23c")
-def _along_p(picture: str, delta: str) -> Answer:
+def _along_p(picture: str, delta: str) -> RowAnswer:
     (printed, least), (ours, least_ours) = (turns_real(Delta(delta), one) for one in (PRINTED, CORRECTED))
     return answer(
         min(least, least_ours) > 0 and 0 < printed < 1.74,
@@ -367,7 +367,7 @@ def _along_p(picture: str, delta: str) -> Answer:
 
 
 @examines("s5.1.2-encouraged")
-def _encouraged(initial: str) -> Answer:
+def _encouraged(initial: str) -> RowAnswer:
     w02, w21 = (components(_initial(initial), mode)[0] / 1e-3 for mode in (W02, W21))
     modes = [mode for mode in modes_below(6.0) if mode.k > 0]
     holds = w02 < 0 and abs(w02) > abs(w21) and modes[0] == W02
@@ -375,7 +375,7 @@ def _encouraged(initial: str) -> Answer:
 
 
 @examines("s5-times")
-def _times(times: list[tuple[str, str, float, int]]) -> Answer:
+def _times(times: list[tuple[str, str, float, int]]) -> RowAnswer:
     """Printed times against the step of their runs and the number of steps, 0 where it is not printed."""
     rows, wrong = [("where", "printed t", "Δt", "steps", "n Δt")], []
     for where, text, dt, printed in times:

@@ -9,7 +9,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array, Closure, Delta, Model
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.studies.audit import Answer, answer, examines
+from actin_xcheck.studies.audit import RowAnswer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, circle, disk_quadrature
 from actin_xcheck.theory.dispersion import (
     Mode,
@@ -104,7 +104,7 @@ def _slopes(model: Model) -> tuple[float, float]:
 
 
 @examines("eq3.3")
-def _linearised() -> Answer:
+def _linearised() -> RowAnswer:
     (in_a, in_phi), p = _slopes(_NEAR), _NEAR.parameters.p
     sigma = sigma_prime(_NEAR.parameters)
     printed = max(abs(in_a - sigma - 2 / np.pi * p), abs(in_phi + p))
@@ -125,7 +125,7 @@ def _linearised() -> Answer:
 
 
 @examines("eq3.4")
-def _eigenfunctions() -> Answer:
+def _eigenfunctions() -> RowAnswer:
     """What (3.4) with the modes of A.1 says of the rim, against the moving cell's own modes."""
     x, n, _ = circle()
     along = float(np.abs((n * W11.gradient(x)).sum(axis=0)).max())
@@ -182,7 +182,7 @@ def _off(value: Any, truth: Any) -> float:
 
 
 @examines("eq3.5")
-def _dispersion_matrix() -> Answer:
+def _dispersion_matrix() -> RowAnswer:
     printed, ours = (
         _off(one, _true_determinant()) for one in (_printed_determinant(), _polynomial(CORRECTED))
     )
@@ -192,14 +192,14 @@ def _dispersion_matrix() -> Answer:
 
 
 @examines("eq3.6")
-def _dispersion_polynomial() -> Answer:
+def _dispersion_polynomial() -> RowAnswer:
     off = {version: _off(_polynomial(version), _true_determinant()) for version in Version}
     pairs = {version: coefficients(_NEAR, W11.k**2, version) for version in Version}
     return answer(off[PRINTED] < 1e-6, corrected=off[CORRECTED] < 1e-6, pairs=pairs, off=off)
 
 
 @examines("eq3.7")
-def _dispersion_relation() -> Answer:
+def _dispersion_relation() -> RowAnswer:
     k2 = np.array([W11.k**2])
     (b, c), mu = coefficients(_NEAR, k2, PRINTED), _NEAR.parameters.mu
     printed, roots = printed_3_7(_NEAR, k2)[:, 0], growth_rates(_NEAR, k2, PRINTED)[:, 0]
@@ -208,7 +208,7 @@ def _dispersion_relation() -> Answer:
 
 
 @examines("eq3.8")
-def _b_negative() -> Answer:
+def _b_negative() -> RowAnswer:
     par, (in_a, in_phi) = _NEAR.parameters, _slopes(_NEAR)
     truth = -(1 + par.nu_prime + par.mu + in_phi - in_a) / (par.mu * par.d)
     printed, ours = k2_crit(_NEAR, PRINTED), k2_crit(_NEAR)
@@ -222,7 +222,7 @@ def _b_negative() -> Answer:
 
 
 @examines("eq3.9")
-def _slope_of_contractility() -> Answer:
+def _slope_of_contractility() -> RowAnswer:
     worst = 0.0
     for a_sat in (0.3, 0.5, 1.1, 1.4):
         par = Parameters(62.4, 0.26, a_sat=a_sat)
@@ -239,7 +239,7 @@ def _bessel_slope(m: int, z: Array) -> Array:
 
 
 @examines("eqA.1")
-def _wavenumbers() -> Answer:
+def _wavenumbers() -> RowAnswer:
     count, orders = len(TABLE_6_PRINTED), len(TABLE_6_PRINTED[0])
     zeros = [np.array([wavenumber(m, n) for n in range(1, count + 1)]) for m in range(orders)]
     worst = max(float(np.abs(_bessel_slope(m, z)).max()) for m, z in enumerate(zeros))
@@ -253,7 +253,7 @@ def _wavenumbers() -> Answer:
 
 
 @examines("eqA.2")
-def _pressure_bound() -> Answer:
+def _pressure_bound() -> RowAnswer:
     printed = 1 + _NEAR.parameters.nu_prime
     bounds = []
     for delta in CONSTANT:
@@ -271,7 +271,7 @@ def _pressure_bound() -> Answer:
 
 
 @examines("remarkA.1")
-def _helmholtz() -> Answer:
+def _helmholtz() -> RowAnswer:
     x, h = np.array([[0.3, -0.5, 0.1], [0.2, 0.4, -0.6]]), 1e-3
     ratios = []
     for mode in (W02, W11, Mode(3, 1)):

@@ -11,7 +11,7 @@ from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.motion import PrescribedMotion
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
-from actin_xcheck.studies.audit import Answer, answer, examines
+from actin_xcheck.studies.audit import RowAnswer, answer, examines
 from actin_xcheck.studies.audit.linear import CONSTANT, VERSIONS, linear_model
 from actin_xcheck.studies.audit.sample import (
     ROUND_OFF,
@@ -29,7 +29,7 @@ _A, _PHI = np.array([0.2, 0.9, 1.0, 2.8, 5.0]), np.array([-0.4, -0.1, 0.0, 0.3, 
 
 
 @examines("eq2.1a")
-def _force_balance() -> Answer:
+def _force_balance() -> RowAnswer:
     step = second_step()
     viscous = step.viscosity() @ step.velocity()
     elastic, active = step.elasticity() @ step.displacements()[0], step.force()
@@ -38,7 +38,7 @@ def _force_balance() -> Answer:
 
 
 @examines("eq2.1b")
-def _transport() -> Answer:
+def _transport() -> RowAnswer:
     """A disk that grows as x = xi (1 + t/2), J = (1 + t/2)^2: (a J)' = J (1 - a) has a closed solution."""
     mesh, end = disk(2, 0.8), 0.5
     stretch = 1 + end / 2
@@ -58,7 +58,7 @@ def _transport() -> Answer:
 
 
 @examines("eq2.1c")
-def _starts_unstrained() -> Answer:
+def _starts_unstrained() -> RowAnswer:
     mesh, balance = disk(2, 0.8), load(FORCE_BALANCE)
     models = (Model(Parameters(62.4, 0.26), closure=closure) for closure in Closure)
     moved = [float(np.abs(balance(model, mesh).start(mesh.xi) - mesh.xi).max()) for model in models]
@@ -66,14 +66,14 @@ def _starts_unstrained() -> Answer:
 
 
 @examines("eq2.1d")
-def _starts_from_a0() -> Answer:
+def _starts_from_a0() -> RowAnswer:
     step = second_step()
     difference = float(np.abs(step.solver.init().a - lumpy(step.mesh.xi)).max())
     return answer(difference < ROUND_OFF, difference=difference)
 
 
 @examines("eq2.1e")
-def _rim_moves_along_normal() -> Answer:
+def _rim_moves_along_normal() -> RowAnswer:
     step = second_step()
     rim, xi = step.mesh.rim_nodes, step.mesh.xi[:, step.mesh.rim_nodes]
     v = step.velocity().reshape(2, -1)[:, rim]
@@ -85,7 +85,7 @@ def _rim_moves_along_normal() -> Answer:
 
 
 @examines("eq2.1f")
-def _stress_free() -> Answer:
+def _stress_free() -> RowAnswer:
     """Net load of f on the rim for a lopsided a, and what the closure makes of the condition."""
     model, (x, n, ds) = Model(Parameters(62.4, 0.26)), circle()
     f = model.active_stress(1 + 0.1 * Mode(1, 1).value(x), np.zeros(x.shape[1]), 1.0)
@@ -107,7 +107,7 @@ def _stress_free() -> Answer:
 
 
 @examines("eq2.2")
-def _contractility() -> Answer:
+def _contractility() -> RowAnswer:
     model = Model(Parameters(62.4, 0.26))
     by_hand = np.array([62.4 * a * a * math.exp(-a / 1.4) for a in _A])
     difference = relative(model.contractility(_A) - by_hand, by_hand)
@@ -128,13 +128,13 @@ def _quadratic_form(moduli: tuple[float, float], elastic: bool) -> float:
 
 
 @examines("eq2.3")
-def _viscous_stress() -> Answer:
+def _viscous_stress() -> RowAnswer:
     difference = _quadratic_form((2.5, 6.5), elastic=False)
     return answer(difference < ROUND_OFF, difference=difference)
 
 
 @examines("eq2.4")
-def _elastic_stress() -> Answer:
+def _elastic_stress() -> RowAnswer:
     E, nu = 1.5, 0.3
     difference = _quadratic_form((1.0, nu / (1 - 2 * nu)), elastic=True)
     lame, shear = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
@@ -143,7 +143,7 @@ def _elastic_stress() -> Answer:
 
 
 @examines("eq2.5")
-def _pressure() -> Answer:
+def _pressure() -> RowAnswer:
     model, worst = Model(Parameters(62.4, 0.26)), 0.0
     for delta in (0.0, 1.0):
         by_hand = [
@@ -158,7 +158,7 @@ def _pressure() -> Answer:
 
 
 @examines("eq2.6")
-def _ring() -> Answer:
+def _ring() -> RowAnswer:
     radius = np.array([0.0, 0.5, 0.8 - 1e-9, 0.8 + 1e-9, 0.9, 1.0])
     model, mesh = Model(Parameters(62.4, 0.26)), disk(3, 0.8)
     delta = model.delta_on_cells(np.array([radius, 0 * radius]))
@@ -169,7 +169,7 @@ def _ring() -> Answer:
 
 
 @examines("s5.1.2-ring")
-def _where_delta_jumps() -> Answer:
+def _where_delta_jumps() -> RowAnswer:
     radius = np.sqrt(np.array([0.64 - 1e-9, 0.64 + 1e-9, 0.8 - 1e-9, 0.8 + 1e-9]))
     delta = Model(Parameters(38.24, 1.646)).delta_on_cells(np.array([radius, 0 * radius]))
     at_64, at_80 = delta[1] - delta[0], delta[3] - delta[2]
@@ -177,7 +177,7 @@ def _where_delta_jumps() -> Answer:
 
 
 @examines("eq3.1")
-def _scaling() -> Answer:
+def _scaling() -> RowAnswer:
     """Dimensional stresses of (2.2), (2.5) against (3.2) times E/(1 + nu), for a_c = 1 and another."""
 
     def defect(a_c: float) -> float:
@@ -199,7 +199,7 @@ def _scaling() -> Answer:
 
 
 @examines("eq3.2")
-def _scaled_system() -> Answer:
+def _scaled_system() -> RowAnswer:
     step = second_step()
     u_old, u_new = step.displacements()
     mechanics = (step.viscosity() + step.dt * step.elasticity()) @ u_new - step.viscosity() @ u_old
@@ -221,7 +221,7 @@ def _scaled_system() -> Answer:
 
 
 @examines("eq5.1")
-def _membrane() -> Answer:
+def _membrane() -> RowAnswer:
     mesh, model = disk(3, 0.8), Model(Parameters(38.24, 1.646), delta=Delta.MEMBRANE)
     inside, rim = float(model.delta_on_cells(mesh.centroids).max()), model.delta_on_rim()
     corners, balance, outward = np.ones(mesh.triangles.shape), load(FORCE_BALANCE), []
@@ -240,7 +240,7 @@ def _membrane() -> Answer:
 
 
 @examines("remark2.1")
-def _remark_2_1() -> Answer:
+def _remark_2_1() -> RowAnswer:
     """Elastic over viscous force of one step when the displacement restarts at every step."""
 
     def share(dt: float) -> float:
@@ -255,7 +255,7 @@ def _remark_2_1() -> Answer:
 
 
 @examines("s2-motion-ceases")
-def _motion_ceases() -> Answer:
+def _motion_ceases() -> RowAnswer:
     """Velocities without active stress: from rest, strained and viscous, strained and viscoelastic."""
     mesh, off = disk(3, 0.8), Parameters(0.0, 0.0)
     corners, strained = np.ones(mesh.triangles.shape), 1.1 * mesh.xi
@@ -270,7 +270,7 @@ def _motion_ceases() -> Answer:
 
 
 @examines("s2-saturation")
-def _saturation() -> Answer:
+def _saturation() -> RowAnswer:
     model = Model(Parameters(1.0, 0.0))
     a = np.linspace(0.01, 10, 99901)
     peak = float(a[np.argmax(model.contractility(a))])
@@ -278,7 +278,7 @@ def _saturation() -> Answer:
 
 
 @examines("s2-far")
-def _far_from_membrane() -> Answer:
+def _far_from_membrane() -> RowAnswer:
     model = Model(Parameters(62.4, 0.26))
     a, phi = np.linspace(0, 9, 10), np.linspace(-0.5, 1, 10)
     difference = float(np.abs(model.pressure(a, phi, 0.0) * (1 + phi) - 0.26).max())
@@ -291,7 +291,7 @@ def _at_rest(model: Model, mesh: Mesh) -> Array:
 
 
 @examines("s2-pushes")
-def _pushes_membrane() -> Answer:
+def _pushes_membrane() -> RowAnswer:
     mesh = disk(4, 0.8)
     v, rim = _at_rest(Model(Parameters(62.4, 0.26)), mesh), mesh.rim_nodes
     outward = float((v[:, rim] * mesh.xi[:, rim]).sum(axis=0).min())
@@ -299,7 +299,7 @@ def _pushes_membrane() -> Answer:
 
 
 @examines("s2-equilibrium")
-def _equilibrium() -> Answer:
+def _equilibrium() -> RowAnswer:
     """Sign of k_a (a_c - a) in the implementation, read off one step of a uniform concentration at rest."""
 
     def change(a0: float) -> float:
@@ -316,27 +316,27 @@ def _equilibrium() -> Answer:
 
 
 @examines("s3-parameters")
-def _fewer_parameters() -> Answer:
+def _fewer_parameters() -> RowAnswer:
     before, after = (len(fields(kind)) for kind in (DimensionalParameters, Parameters))
     return answer(after == before - 4, before=before, after=after)
 
 
 @examines("s3.2-finite")
-def _finite_range() -> Answer:
+def _finite_range() -> RowAnswer:
     sets = [isolated_modes(linear_model(62.4, 0.26, delta), version) for delta, version in VERSIONS]
     growing = {len([mode for mode in modes if mode.k > 0]) for modes in sets}
     return answer(growing == {1}, which=str(sorted(growing)), most=max(growing))
 
 
 @examines("s3.2-literature")
-def _literature() -> Answer:
+def _literature() -> RowAnswer:
     units = DimensionalParameters(psi=72.0, p=0.3)
     inside, ratio = 0.00962 <= units.D_a <= 0.134, units.a_sat / 1.1
     return answer(inside and abs(ratio - 1) < 0.5, units=units, above=ratio - 1, ratio=ratio)
 
 
 @examines("s3.2-units")
-def _units() -> Answer:
+def _units() -> RowAnswer:
     """Exponents of (dyn, cm, s) of mu_i k_a (1 + nu)/E, which must vanish."""
     modulus, rate = np.array([1, -2, 0]), np.array([0, 0, -1])
     readings = {"dyn/cm²": [1, -2, 0], "dyn s cm²": [1, 2, 1], "dyn s/cm²": [1, -2, 1]}
@@ -351,7 +351,7 @@ def _units() -> Answer:
 
 
 @examines("s2.1-conditions")
-def _zero_flux() -> Answer:
+def _zero_flux() -> RowAnswer:
     """Which condition keeps actin in the cell: total actin of one step, with (2.1f) natural."""
     step = second_step()
     before, after = step.before, step.after
@@ -362,7 +362,7 @@ def _zero_flux() -> Answer:
 
 
 @examines("s3.3-steady")
-def _steady_state() -> Answer:
+def _steady_state() -> RowAnswer:
     mesh = disk(4, 0.8)
     models = {str(delta): Model(Parameters(62.4, 0.26), delta=delta) for delta in Delta}
     speeds = {delta: float(np.abs(_at_rest(model, mesh)).max()) for delta, model in models.items()}

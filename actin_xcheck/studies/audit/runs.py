@@ -40,7 +40,7 @@ _MOVING = (Closure.REFERENCE_NORMAL, Closure.CURRENT_NORMAL, Closure.TRACTION_FR
 
 
 @dataclass(frozen=True)
-class Family:
+class RunFamily:
     """One scene under one reading, by one method.
 
     Attributes
@@ -80,7 +80,7 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Cell:
+class RunCell:
     """A simulation of the article: a shipped scene, run as published and in families to extrapolate from.
 
     Attributes
@@ -113,7 +113,7 @@ class Cell:
             **said, changes=tuple(changes.items()), rims=tuple(map(Closure, rims)), levels=tuple(levels)
         )
 
-    def families(self) -> tuple[Family, ...]:
+    def families(self) -> tuple[RunFamily, ...]:
         """Finite elements, finite volumes, and finite elements under the other readings."""
         scene = load_scene(self.scene)
         published, physics = scene.as_published, scene.physics
@@ -123,7 +123,7 @@ class Cell:
         rheology = dict(self.changes).get("model.rheology", physics.rheology)
         reading = _reading(rheology, physics.closure)
         if alone := self.levels or (() if self.steps or not own else (own,)):
-            return (Family(self.scene, self.label, reading, self.changes, FEM, alone),)
+            return (RunFamily(self.scene, self.label, reading, self.changes, FEM, alone),)
         dt = dict(self.changes).get("time.end", scene.time.end) / self.steps
         family = ((3, dt), (4, dt), (5, dt), (4, dt / 2), (4, dt / 4))
         brief = (4, dt), (5, dt), (4, dt / 2)
@@ -131,10 +131,10 @@ class Cell:
             pair for pair in product(Rheology, self.rims) if pair != (physics.rheology, physics.closure)
         ]
         return (
-            Family(self.scene, self.label, reading, self.changes, FEM, family, own),
-            Family(self.scene, self.label, reading, self.changes, FV, family),
+            RunFamily(self.scene, self.label, reading, self.changes, FEM, family, own),
+            RunFamily(self.scene, self.label, reading, self.changes, FV, family),
             *(
-                Family(
+                RunFamily(
                     self.scene,
                     f"{self.label}-{rheology}-{closure}",
                     _reading(rheology, closure),
@@ -181,11 +181,11 @@ class Limit:
 class Evidence:
     """The stored runs of a family."""
 
-    family: Family
+    family: RunFamily
     files: Mapping[Level, Path]
 
     @classmethod
-    def of(cls, family: Family, folder: Path) -> Self:
+    def of(cls, family: RunFamily, folder: Path) -> Self:
         """What a family has left in a folder."""
         return cls(family, {level: folder / job.file for level, job in family.jobs().items()})
 

@@ -28,7 +28,7 @@ from actin_xcheck.runs.method import FORCE_BALANCE, METHODS, load
 from actin_xcheck.runs.numerics import Numerics, step_count
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.audit import Answer, answer, examines
+from actin_xcheck.studies.audit import RowAnswer, answer, examines
 from actin_xcheck.studies.audit.sample import ROUND_OFF, Step, relative, second_step
 from actin_xcheck.theory.errata import REALISTIC_CELL
 
@@ -44,7 +44,7 @@ _BASIS = 30
 
 
 @examines("eqB.17")
-def _nodal_basis() -> Answer:
+def _nodal_basis() -> RowAnswer:
     """Values of all basis functions at all nodes, from the barycentric coordinates of the nodes."""
     mesh = second_step().mesh
     count = mesh.xi.shape[1]
@@ -56,7 +56,7 @@ def _nodal_basis() -> Answer:
 
 
 @examines("eqB.18")
-def _expansion() -> Answer:
+def _expansion() -> RowAnswer:
     """a_h as the implementation hands it to the force balance, at the points of its quadrature."""
     step = second_step()
     corners = step.solver.corners(step.new)
@@ -68,7 +68,7 @@ def _expansion() -> Answer:
 
 
 @examines("eqB.19")
-def _transport_property() -> Answer:
+def _transport_property() -> RowAnswer:
     """Barycentric coordinates of particles carried by the P1 velocity, before and after a step."""
     step = second_step()
     start, end = (x[:, step.mesh.triangles] for x in (step.old.x, step.new.x))
@@ -97,7 +97,7 @@ def _implemented(step: Step) -> tuple[Array, Array]:
 
 
 @examines("eqB.20")
-def _block_system() -> Answer:
+def _block_system() -> RowAnswer:
     step = second_step()
     (A, B), count = _implemented(step), step.old.x.shape[1]
     viscosity, elasticity = step.viscosity(), step.elasticity()
@@ -108,7 +108,7 @@ def _block_system() -> Answer:
 
 
 @examines("eqB.21")
-def _semi_discrete() -> Answer:
+def _semi_discrete() -> RowAnswer:
     step = second_step()
     rates = step.viscosity() @ step.velocity()
     residual = rates + step.elasticity() @ step.displacements()[0] - step.force()
@@ -117,7 +117,7 @@ def _semi_discrete() -> Answer:
 
 
 @examines("remarkB.3")
-def _symmetric() -> Answer:
+def _symmetric() -> RowAnswer:
     step = second_step()
     A, B = _implemented(step)
     count = step.old.x.shape[1]
@@ -134,7 +134,7 @@ def _symmetric() -> Answer:
 
 
 @examines("eqB.22")
-def _transport_matrices() -> Answer:
+def _transport_matrices() -> RowAnswer:
     """(B.22) at the start of a step too short for diffusion between neighbours to relax within it."""
 
     def residual(dt: float) -> float:
@@ -149,7 +149,7 @@ def _transport_matrices() -> Answer:
 
 
 @examines("eqB.23a")
-def _force_step() -> Answer:
+def _force_step() -> RowAnswer:
     step = second_step()
     A, B, F = step.viscosity(), step.elasticity(), step.force()
     old, new = step.displacements()
@@ -160,7 +160,7 @@ def _force_step() -> Answer:
 
 
 @examines("eqB.23b")
-def _transport_step() -> Answer:
+def _transport_step() -> RowAnswer:
     step = second_step()
     before, after = step.before, step.after
     dt, d = step.dt, step.model.parameters.d
@@ -172,7 +172,7 @@ def _transport_step() -> Answer:
 
 
 @examines("eqB.24")
-def _mesh_velocity() -> Answer:
+def _mesh_velocity() -> RowAnswer:
     """(B.24) exactly, and its first order as a derivative: against the velocities at the step's two ends."""
 
     def lag(dt: float) -> float:
@@ -187,7 +187,7 @@ def _mesh_velocity() -> Answer:
 
 
 @examines("eqB.25")
-def _mesh_motion() -> Answer:
+def _mesh_motion() -> RowAnswer:
     step = second_step()
     old, new = step.displacements()
     moved = (step.new.x - step.old.x).ravel()
@@ -197,7 +197,7 @@ def _mesh_motion() -> Answer:
 
 
 @examines("remarkB.4")
-def _other_displacement() -> Answer:
+def _other_displacement() -> RowAnswer:
     """How far the two readings of the displacement move the cell apart in two steps."""
     kept, restarted = second_step(), second_step(Rheology.VISCOUS)
     apart = relative(kept.new.x - restarted.new.x, kept.new.x - kept.mesh.xi)
@@ -205,7 +205,7 @@ def _other_displacement() -> Answer:
 
 
 @examines("algorithm7.1")
-def _algorithm() -> Answer:
+def _algorithm() -> RowAnswer:
     force, transport = _force_step(), _transport_step()
     steps = step_count(1.0228e-3, [0.1636])
     ordered = force.holds and transport.holds
@@ -219,7 +219,7 @@ def _algorithm() -> Answer:
 
 
 @examines("sB.7-displacement")
-def _displacement_is_velocity() -> Answer:
+def _displacement_is_velocity() -> RowAnswer:
     """Powers of (cm, s) of U and of beta."""
     off = np.array([1, 0]) - np.array([1, -1])
     left = off - np.array([0, 1])
@@ -229,7 +229,7 @@ def _displacement_is_velocity() -> Answer:
 
 
 @examines("s6-scaling")
-def _realistic_scaling() -> Answer:
+def _realistic_scaling() -> RowAnswer:
     units = DimensionalParameters(psi=6.9e4, p=800.0, E=4000.0, D_a=1.6e-10, k_a=66.0, L=1e-3)
     par = units.non_dimensional()
     by_hand = {
@@ -361,7 +361,7 @@ def _drifts(model: Model, mesh: Mesh, restarts: Sequence[int], noise: float = 0.
 
 
 @examines("s5.3.1-translation")
-def _suspects() -> Answer:
+def _suspects() -> RowAnswer:
     own = load_scene(_SCENE).physics
     mesh, viscous = disk(_REFINE, own.parameters.l0), replace(own, rheology=Rheology.VISCOUS)
     free = replace(viscous, closure=Closure.TRACTION_FREE)

@@ -8,7 +8,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
-from actin_xcheck.studies.audit import Answer, answer, examines
+from actin_xcheck.studies.audit import RowAnswer, answer, examines
 from actin_xcheck.studies.audit.linear import (
     CONSTANT,
     CORRECTED,
@@ -43,7 +43,7 @@ _TABLE_2 = Parameters(62.4, 0.26)
 
 
 @examines("s3.3-zero")
-def _void_at_zero() -> Answer:
+def _void_at_zero() -> RowAnswer:
     """The determinant (3.5) at k = 0 for any rate."""
     par, k, worst = _TABLE_2, 0.0, 0.0
     slope = sigma_prime(par)
@@ -58,7 +58,7 @@ def _void_at_zero() -> Answer:
 
 
 @examines("s3.3-c")
-def _c_sign() -> Answer:
+def _c_sign() -> RowAnswer:
     k2 = np.array([W11.k**2, 100.0, 1e4])
 
     def signs(sign: int, *pressures: float) -> bool:
@@ -70,7 +70,7 @@ def _c_sign() -> Answer:
 
 
 @examines("s3.3-ranges")
-def _ranges() -> Answer:
+def _ranges() -> RowAnswer:
     """Conditions 1 to 3: how many of the wave numbers up to k = 1000 grow."""
     cases = {1: (5.0, 2.0), 2: (62.4, 0.26), 3: (62.4, 2.0)}
     k2 = np.linspace(W11.k, 1000, 4000) ** 2
@@ -85,7 +85,7 @@ def _ranges() -> Answer:
 
 
 @examines("s3.3-sufficient")
-def _sufficient() -> Answer:
+def _sufficient() -> RowAnswer:
     """G and k_crit of the two bullets with and without the minus signs, at the article's point."""
     par, p = _TABLE_2, _TABLE_2.p
     sigma, pressure = sigma_prime(par), p * (1 + 2 / math.pi)
@@ -96,7 +96,7 @@ def _sufficient() -> Answer:
 
 
 @examines("s3.3-either")
-def _either_large() -> Answer:
+def _either_large() -> RowAnswer:
     par, k2 = Parameters(1.0, 0.26), W11.k**2
     rest = par.mu * (1 + par.d * k2) + 1 + par.nu_prime
     psi, p = (rest - 0.26) / sigma_prime(par), rest
@@ -110,7 +110,7 @@ def _slope_at(a_sat: float, psi: float = 1.0) -> float:
 
 
 @examines("s3.3-half")
-def _sigma_at_half() -> Answer:
+def _sigma_at_half() -> RowAnswer:
     values = {a_sat: _slope_at(a_sat) for a_sat in (0.1, 0.3, 0.49, 0.5, 0.51)}
     *below, half, above = values.values()
     double = _slope_at(1.4, 2.0) / _slope_at(1.4)
@@ -118,7 +118,7 @@ def _sigma_at_half() -> Answer:
 
 
 @examines("s3.3-negative")
-def _negative_sigma() -> Answer:
+def _negative_sigma() -> RowAnswer:
     """a_sat = 0.4: the p that makes b(k_11) negative, against the p that makes c negative."""
     still = Model(Parameters(62.4, 0.0, a_sat=0.4), delta=Delta.FULL)
 
@@ -130,7 +130,7 @@ def _negative_sigma() -> Answer:
 
 
 @examines("s3.3-assumption")
-def _above_saturation() -> Answer:
+def _above_saturation() -> RowAnswer:
     grid = np.linspace(0.05, 5, 991)
     same = bool(((np.array([*map(_slope_at, grid)]) > 1e-12) == (2 * grid > 1 + 1e-9)).all())
     return answer(same, count=grid.size, same=same)
@@ -149,7 +149,7 @@ def _onset(model: Model, m: int) -> float:
 
 
 @examines("s3.3-points-normal", "s3.3-points-free")
-def _bifurcation_point(closure: str) -> Answer:
+def _bifurcation_point(closure: str) -> RowAnswer:
     """The cell's own thresholds at p = 0.26, delta = 0, against the article's 62.4 and its wall's."""
     model = Model(Parameters(0.0, 0.26), closure=Closure(closure), delta=Delta.NONE)
     psi = [_onset(model, m) for m in (0, 1)]
@@ -158,7 +158,7 @@ def _bifurcation_point(closure: str) -> Answer:
 
 
 @examines("s3.3.1-discrete")
-def _discrete() -> Answer:
+def _discrete() -> RowAnswer:
     gap = min(
         after - one
         for one, after in pairwise(sorted(Mode(m, n).k ** 2 for m in range(6) for n in range(1, 5)))
@@ -167,7 +167,7 @@ def _discrete() -> Answer:
 
 
 @examines("sA.1.1-nu")
-def _nu_prime() -> Answer:
+def _nu_prime() -> RowAnswer:
     nu_prime, e = _TABLE_2.nu_prime, stiffness(linear_model(62.4, 0.0, Delta.NONE))
     return answer(rounds_to(nu_prime, "0.75") and abs(e - 1.75) < ROUND_OFF, nu_prime=nu_prime, e=e)
 
@@ -177,13 +177,13 @@ def _non_zero(modes: tuple[Mode, ...]) -> list[Mode]:
 
 
 @examines("sA.1-lowest")
-def _lowest() -> Answer:
+def _lowest() -> RowAnswer:
     first, second, *_ = _non_zero(modes_below(6.0))
     return answer(first == W11, first=first, second=second, w02=W02)
 
 
 @examines("sA.1-steady")
-def _steady_solutions() -> Answer:
+def _steady_solutions() -> RowAnswer:
     """How near to zero w1,1's rates ever come as psi rises: a steady state bifurcates at lambda = 0 only."""
     rates = np.array(
         [growth_rates(linear_model(psi, 0.26, Delta.NONE), W11.k**2) for psi in np.linspace(0, 120, 1201)]
@@ -196,7 +196,7 @@ def _steady_solutions() -> Answer:
 
 
 @examines("sA.1.1-c")
-def _c_positive() -> Answer:
+def _c_positive() -> RowAnswer:
     stiff = {
         (p, delta): stiffness(linear_model(62.4, p, delta))
         for p in (0.26, 1.0, 1.646, 1.74)
@@ -213,14 +213,14 @@ def _c_positive() -> Answer:
 
 
 @examines("sA.1.1-rising")
-def _with_rising_psi() -> Answer:
+def _with_rising_psi() -> RowAnswer:
     of = {version: borders(0.26, Delta.FULL, version) for version in Version}
     one = of[PRINTED]
     return answer(0 < one.damped < one.neutral < one.real < 62.4, of=of)
 
 
 @examines("sA.1.1-typical")
-def _typical_psi() -> Answer:
+def _typical_psi() -> RowAnswer:
     kinds = {kind(62.4, 0.26, delta, version) for delta, version in VERSIONS}
     dimensional = 62.4 / DimensionalParameters(psi=1.0, p=0.3).non_dimensional().psi
     alone = set(isolated(62.4, 0.26)) == {(Mode(0, 1), W11)}
@@ -229,7 +229,7 @@ def _typical_psi() -> Answer:
 
 
 @examines("sA.1.1-identical")
-def _identical_curves() -> Answer:
+def _identical_curves() -> RowAnswer:
     k2 = np.linspace(0.05, 20, 400)
     inner, ring = (linear_model(62.4, 0.26, delta) for delta in CONSTANT)
     shift, gap, at = {}, {}, {}
@@ -241,7 +241,7 @@ def _identical_curves() -> Answer:
 
 
 @examines("sA.1.1-only-first")
-def _only_the_first() -> Answer:
+def _only_the_first() -> RowAnswer:
     """The isolated sets as psi rises: nested, each with one mode more."""
     lowest, sizes = _non_zero(modes_below(20.0)), set()
     for psi in np.linspace(0, 400, 2001):
@@ -252,7 +252,7 @@ def _only_the_first() -> Answer:
 
 
 @examines("sA.1.1-k3")
-def _first_two() -> Answer:
+def _first_two() -> RowAnswer:
     crit = [k2_crit(linear_model(95.327, 0.26, delta), version) for delta, version in VERSIONS]
     second, printed, ours = (mode.k**2 for mode in (W21, Mode(0, 1), W02))
     return answer(
@@ -267,7 +267,7 @@ def _first_two() -> Answer:
 
 
 @examines("sA.1.1-superposition")
-def _superposition() -> Answer:
+def _superposition() -> RowAnswer:
     """Best k^2 for Delta w = -k^2 w and what it leaves: w02 + 2 w21, and w21 alone."""
     x, weights = disk_quadrature()
 
@@ -282,7 +282,7 @@ def _superposition() -> Answer:
 
 
 @examines("sA.1.2-hopf")
-def _hopf() -> Answer:
+def _hopf() -> RowAnswer:
     one = borders(0.8, Delta.FULL, PRINTED)
     psi = (one.damped + one.neutral) / 2
     model, rate = linear_model(psi, 0.8, Delta.FULL), leading(psi, 0.8, Delta.FULL, PRINTED)
@@ -293,7 +293,7 @@ def _hopf() -> Answer:
 
 
 @examines("sA.1.2-identical")
-def _identical_maps() -> Answer:
+def _identical_maps() -> RowAnswer:
     printed, ours = (
         [
             borders(p, Delta.NONE, version).neutral - borders(p, Delta.FULL, version).neutral
@@ -315,14 +315,14 @@ def turns_real(delta: Delta, version: Version) -> tuple[float, float]:
 
 
 @examines("sA.1.2-along-p")
-def _transition_along_p() -> Answer:
+def _transition_along_p() -> RowAnswer:
     ring, inner = (turns_real(delta, PRINTED) for delta in (Delta.FULL, Delta.NONE))
     stated = all(0 < p < 1.74 and least > 0 for p, least in (ring, inner))
     return answer(stated, ring=ring, inner=inner, ours=turns_real(Delta.FULL, CORRECTED))
 
 
 @examines("sA.1.2-along-psi")
-def _transition_along_psi() -> Answer:
+def _transition_along_psi() -> RowAnswer:
     found = {(delta, version): borders(0.8, delta, version) for delta, version in VERSIONS}
     inside = all(one.damped > 30 and one.real < 60 for one in found.values())
     tail = all(30 < one.neutral < one.real < 60 for one in found.values())
@@ -331,7 +331,7 @@ def _transition_along_psi() -> Answer:
 
 
 @examines("s5.1.2-isolates")
-def _isolates_again() -> Answer:
+def _isolates_again() -> RowAnswer:
     alone = set(isolated(38.24, 1.646)) == {(Mode(0, 1), W11)}
     ring = linear_model(38.24, 1.646, Delta.FULL)
     e = {version: stiffness(ring, version) for version in Version}
@@ -346,14 +346,14 @@ def _isolates_again() -> Answer:
 
 
 @examines("s5.1.2-discontinuous")
-def _discontinuous() -> Answer:
+def _discontinuous() -> RowAnswer:
     inner, ring = (leading(38.24, 1.646, delta, PRINTED) for delta in CONSTANT)
     ours, jump = leading(38.24, 1.646, Delta.FULL, CORRECTED), ring.real - inner.real
     return answer(abs(ring - inner) > 1e-3, inner=inner, ring=ring, ours=ours, jump=jump)
 
 
 @examines("s5.4-near-rim")
-def _near_the_rim() -> Answer:
+def _near_the_rim() -> RowAnswer:
     """Half-way between the onsets for delta = 1 and 0 at p = 0.26."""
     kinds, width, says = [], {}, []
     for v in Version:
@@ -367,7 +367,7 @@ def _near_the_rim() -> Answer:
 
 
 @examines("s5.4-condition")
-def _uniform_condition() -> Answer:
+def _uniform_condition() -> RowAnswer:
     low, high = (
         sorted(k2_crit(linear_model(70.366, p, delta), version) for delta, version in VERSIONS)
         for p in (0.026, 0.433)
@@ -376,12 +376,12 @@ def _uniform_condition() -> Answer:
 
 
 @examines("s5.4-w01")
-def _named_w01() -> Answer:
+def _named_w01() -> RowAnswer:
     return answer(True, w01=Mode(0, 1), w02=W02)
 
 
 @examines("s6-wavenumbers")
-def _realistic_wavenumbers() -> Answer:
+def _realistic_wavenumbers() -> RowAnswer:
     inner, ring = (
         float(np.sqrt(k2_crit(replace(REALISTIC_CELL, delta=delta), PRINTED))) for delta in CONSTANT
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
-from actin_xcheck.studies.audit import Answer, answer, examines
+from actin_xcheck.studies.audit import RowAnswer, answer, examines
 from actin_xcheck.studies.audit.sample import (
     ROUND_OFF,
     circle,
@@ -62,7 +62,7 @@ def _w(x: Array) -> Array:
     return np.asarray(np.sin(1.3 * x[0] + 0.4) * np.exp(0.5 * x[1]))
 
 
-def _identity(left: float, right: float, **values: Any) -> Answer:
+def _identity(left: float, right: float, **values: Any) -> RowAnswer:
     """The answer to an identity between two numbers."""
     difference = abs(left - right) / max(abs(left), 1e-3)
     return answer(difference < 1e-7, left=left, right=right, **values)
@@ -134,12 +134,12 @@ def __w_moves() -> float:
 
 
 @examines("eqB.1")
-def _reynolds() -> Answer:
+def _reynolds() -> RowAnswer:
     return _identity(_transported(_a), _over_disk(_material() + _diluted()))
 
 
 @examines("eqB.8")
-def _restated() -> Answer:
+def _restated() -> RowAnswer:
     """(B.8) integrated over the moving disk with the residual of an arbitrary a as a source."""
     diffusion = _divergence(partial(_gradient, _a, step=1e-2), POINTS, 1e-2)
     change = _a_t() - 0.4 * diffusion + _divergence(_flux, POINTS)
@@ -149,27 +149,27 @@ def _restated() -> Answer:
 
 
 @examines("eqB.9")
-def _product_rule() -> Answer:
+def _product_rule() -> RowAnswer:
     flux = _divergence(_flux, POINTS)
     difference = relative(flux - _advected() - _diluted(), flux)
     return answer(difference < 1e-8, difference=difference, count=POINTS.shape[1])
 
 
 @examines("eqB.10")
-def _material_derivative() -> Answer:
+def _material_derivative() -> RowAnswer:
     difference = relative(_material() - _a_t() - _advected(), _material())
     return answer(difference < 1e-8, difference=difference)
 
 
 @examines("eqB.11")
-def _material_form() -> Answer:
+def _material_form() -> RowAnswer:
     partial_form = _a_t() + _divergence(_flux, POINTS)
     difference = relative(_material() + _diluted() - partial_form, partial_form)
     return answer(difference < 1e-8, difference=difference)
 
 
 @examines("eqB.12", "eqB.13")
-def _weak_rate() -> Answer:
+def _weak_rate() -> RowAnswer:
     """D/dt read as D/Dt and as the partial derivative."""
     w = _w(POINTS)
     dilution = _over_disk(_a(POINTS) * w * (0.3 - 0.1 * POINTS[0]))
@@ -185,13 +185,13 @@ def _weak_rate() -> Answer:
 
 
 @examines("eqB.14")
-def _conservative_form() -> Answer:
+def _conservative_form() -> RowAnswer:
     right = _over_disk(_w(POINTS) * (_material() + _diluted())) + __w_moves()
     return _identity(_transported(_weighted), right)
 
 
 @examines("eqB.15c", "eqB.16c")
-def _weak_step() -> Answer:
+def _weak_step() -> RowAnswer:
     """The implementation's step of the weak transport equation, whose Dw/Dt vanishes."""
     step = second_step()
     rate = (step.after.mass() @ step.new.a - step.before.mass() @ step.old.a) / step.dt
@@ -202,7 +202,7 @@ def _weak_step() -> Answer:
 
 
 @examines("eqB.2")
-def _constants() -> Answer:
+def _constants() -> RowAnswer:
     """D and C against the model's moduli, in dyn/cm^2 and scaled."""
     units = DimensionalParameters(psi=72.0, p=0.3)
     E, nu = units.E, units.nu
@@ -248,7 +248,7 @@ def _tensor(row: int, x: Array) -> Array:
 
 
 @examines("eqB.2a", "eqB.2b")
-def _decoupled(axis: str) -> Answer:
+def _decoupled(axis: str) -> RowAnswer:
     """Divergence of the stress of (B.2) against that of (2.4)."""
     x, row = np.array([[0.3, -0.5, 0.1], [0.2, 0.4, -0.6]]), "xy".index(axis)
     truth = _divergence(partial(_tensor, row), x, 1e-2)
@@ -257,7 +257,7 @@ def _decoupled(axis: str) -> Answer:
 
 
 @examines("eqB.3a", "eqB.3b")
-def _first_weak_form(axis: str) -> Answer:
+def _first_weak_form(axis: str) -> RowAnswer:
     """Green's identity: the two sides of (B.3) differ by the traction that (2.1f) sets to zero."""
     stress = partial(_stress, "xy".index(axis))
     left = _over_disk((_gradient(_w, POINTS) * stress(POINTS)).sum(axis=0))
@@ -273,7 +273,7 @@ def _f(delta: float, x: Array) -> Array:
 
 
 @examines("eqB.4")
-def _active_terms() -> Answer:
+def _active_terms() -> RowAnswer:
     """The bracket of (B.4) against the model; its derivative exists off the ring only."""
     a, phi = np.array([0.5, 1.0, 2.0]), np.array([0.1, -0.2, 0.0])
     model = Model(Parameters(62.4, 0.26))
@@ -284,7 +284,7 @@ def _active_terms() -> Answer:
 
 
 @examines("eqB.5")
-def _green() -> Answer:
+def _green() -> RowAnswer:
     def g(x: Array) -> Array:
         return np.asarray(np.cos(0.7 * x[0] - 1.1 * x[1]) + x[0] ** 2)
 
@@ -298,7 +298,7 @@ def _green() -> Answer:
 
 
 @examines("eqB.6")
-def _split() -> Answer:
+def _split() -> RowAnswer:
     """The x component of (B.6) in the sense that (B.7) uses, with and without the jump's own contribution."""
     f0, f1 = (partial(_f, delta) for delta in (0.0, 1.0))
     parts = (f0, *disk_quadrature(0.0, _L0)), (f1, *disk_quadrature(_L0, 1.0))
@@ -318,7 +318,7 @@ def _split() -> Answer:
 
 
 @examines("eqB.7a", "eqB.7b", "eqB.15a", "eqB.16a")
-def _second_weak_form(axis: str) -> Answer:
+def _second_weak_form(axis: str) -> RowAnswer:
     """The implementation's load and stress against (B.7), (B.15), (B.16) by hand, one component."""
     step, row = second_step(), "xy".index(axis)
     load = step.balance.assemble(step.old.x, step.old.a[step.mesh.triangles], 0.0).load
@@ -328,7 +328,7 @@ def _second_weak_form(axis: str) -> Answer:
 
 
 @examines("eqB.15b", "eqB.16b")
-def _boundary_over_domain() -> Answer:
+def _boundary_over_domain() -> RowAnswer:
     """A uniform f exerts no force, w = y + 0.3 must give 0; the implementation has the boundary integral."""
     inside = -float(WEIGHTS.sum())
     over_rim = _over_rim(NORMALS[1] * (RIM[1] + 0.3))

@@ -12,15 +12,15 @@ from actin_xcheck.report.exhibits import Chapter, Sheet
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.chart.ledger import Entry, ledger, ledger_sheet, ledger_tasks
+from actin_xcheck.studies.chart.ledger import LedgerEntry, ledger, ledger_sheet, ledger_tasks
 from actin_xcheck.studies.chart.measure import (
     REPEATS,
     SHORT,
     WHOLE,
-    Answer,
-    Asked,
+    AskedSample,
     Plan,
     Sample,
+    SampleAnswer,
     answered,
     ladder,
     measured,
@@ -28,7 +28,7 @@ from actin_xcheck.studies.chart.measure import (
     reference_points,
 )
 from actin_xcheck.studies.chart.plots import WORKS, Chart, chapter_of, row_of
-from actin_xcheck.studies.chart.truth import WRONG, Quantity, truth_of
+from actin_xcheck.studies.chart.truth import WRONG, ChartedQuantity, truth_of
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
 NEEDED = 1e-4
@@ -56,14 +56,14 @@ class Reference:
     method: str
     numerics: str
     ending: str
-    answer: Answer
+    answer: SampleAnswer
 
 
 @dataclass(frozen=True)
 class Held:
     """What a quantity is held against: how its error is measured, from where it is known, and how well."""
 
-    quantity: Quantity
+    quantity: ChartedQuantity
     measure: str
     source: str
     known_to: float
@@ -108,7 +108,9 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
     """Measure all points of a scene's chart, rung by rung, and its terms."""
     fixed = reference_points(scene, plan)
     climbs = [_Climb(scene, ladder(scene, method, plan), plan.budget) for method in methods]
-    held = [Task(answered, Asked(scene, point), run_seconds(point, scene.output_times)) for point in fixed]
+    held = [
+        Task(answered, AskedSample(scene, point), run_seconds(point, scene.output_times)) for point in fixed
+    ]
     coarse, fine, *traces = yield Batch((*held, *ledger_tasks(scene)), later=len(climbs) * plan.budget)
     while under_way := [climb for climb in climbs if climb.goes_on()]:
         tasks = [_timed(scene, climb.rungs[0], climb.expected(climb.rungs[0])) for climb in under_way]
@@ -133,14 +135,14 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
 
 
 def _timed(scene: Scene, point: Numerics, seconds: float) -> Task:
-    return Task(measured, Asked(scene, point), seconds, alone=True)
+    return Task(measured, AskedSample(scene, point), seconds, alone=True)
 
 
 def in_words(chart: Chart) -> str:
     """The advice as one sentence, with seconds of one processor."""
     if not chart.advice:
-        if Quantity.CONCENTRATION not in chart.quantities:
-            return f"No advice: runs are held against {chart.known[Quantity.CONCENTRATION].source}."
+        if ChartedQuantity.CONCENTRATION not in chart.quantities:
+            return f"No advice: runs are held against {chart.known[ChartedQuantity.CONCENTRATION].source}."
         return "No run comes within an error of 1e-2."
     said = []
     for row, same in groupby(chart.advice, lambda one: one[1]):
@@ -159,7 +161,7 @@ def _report(
     scene: Scene,
     charted: Chart,
     references: Sequence[Reference],
-    entries: Sequence[Entry],
+    entries: Sequence[LedgerEntry],
     left_out: Sequence[str],
 ) -> Report:
     held = [Held(one, one.words, known.source, known.floor) for one, known in charted.known.items()]

@@ -44,7 +44,7 @@ MEASURES = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class LedgerEntry:
     """What a term of a scene is worth.
 
     Attributes
@@ -89,7 +89,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Run:
+class LedgerRun:
     """A run that is asked for: a scene without a term (by name, or with all of them), and how much finer."""
 
     scene: Scene
@@ -129,15 +129,15 @@ def ledger_tasks(scene: Scene, refine: int = REFINE) -> list[Task]:
     """What is run for a scene's ledger: finer, whole, and without each term that does something."""
     problem = resolve(scene)
     tested = [term.name for term in TERMS if term.there(problem) and not term.idle(problem)]
-    runs = [Run(scene, finer=1, refine=refine), Run(scene, refine=refine)]
-    runs += [Run(scene, name, refine=refine) for name in tested]
+    runs = [LedgerRun(scene, finer=1, refine=refine), LedgerRun(scene, refine=refine)]
+    runs += [LedgerRun(scene, name, refine=refine) for name in tested]
     return [
         Task(traced, one, 2 * seconds_of(METHOD, refine + one.finer, chosen_steps(METHOD, RTOL)))
         for one in runs
     ]
 
 
-def ledger(scene: Scene, accuracy: float, traces: Sequence[Trace]) -> tuple[Entry, ...]:
+def ledger(scene: Scene, accuracy: float, traces: Sequence[Trace]) -> tuple[LedgerEntry, ...]:
     """What each term of a scene costs and what dropping it would change.
 
     Parameters
@@ -155,7 +155,7 @@ def ledger(scene: Scene, accuracy: float, traces: Sequence[Trace]) -> tuple[Entr
     return tuple(_entry(term, problem, whole, without.get(term.name), resolved, accuracy) for term in there)
 
 
-def traced(asked: Run, folder: Path) -> Trace:
+def traced(asked: LedgerRun, folder: Path) -> Trace:
     """Run a scene without a term on a mesh so many times finer."""
     scene, finer = asked.scene, asked.finer
     problem = resolve(scene)
@@ -221,7 +221,7 @@ def _changes(one: Trace, other: Trace) -> dict[str, float]:
 
 def _entry(
     term: Term, problem: Problem, whole: Trace, without: Trace | None, resolved: float, accuracy: float
-) -> Entry:
+) -> LedgerEntry:
     """The entry of a term from the runs with and without it; without a run it is idle."""
     if without is None:
         changes, ending = dict.fromkeys(MEASURES, 0.0), ""
@@ -232,7 +232,7 @@ def _entry(
         ending = without.ending if early else ""
         sentence = in_words(term.name, changes, ending, resolved, accuracy)
     trace, idle = (whole, True) if without is None else (without, False)
-    return Entry(
+    return LedgerEntry(
         term=term.name,
         symbol=term.symbol,
         entry=term.entry,
@@ -263,7 +263,7 @@ def in_words(name: str, changes: dict[str, float], ending: str, resolved: float,
     return f"{dropped}: less than the {accuracy:g} asked for, the scene does not need it"
 
 
-def ledger_sheet(entries: Sequence[Entry]) -> Sheet:
+def ledger_sheet(entries: Sequence[LedgerEntry]) -> Sheet:
     """A ledger, of one entry at least, in words."""
     first = entries[0]
     note = (
@@ -276,11 +276,11 @@ def ledger_sheet(entries: Sequence[Entry]) -> Sheet:
     return Sheet("terms", "What the scene needs: its terms, one dropped at a time", note, (head, *rows))
 
 
-def _changed(entry: Entry) -> list[str]:
+def _changed(entry: LedgerEntry) -> list[str]:
     return [f"{getattr(entry, name):.1e}" if entry.largest else "0" for name in MEASURES]
 
 
-def _cost(entry: Entry) -> str:
+def _cost(entry: LedgerEntry) -> str:
     """What the term costs, and the step without it."""
     if entry.cost != entry.cost:  # nan: it was not dropped
         return "not measured"

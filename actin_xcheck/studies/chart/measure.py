@@ -116,7 +116,7 @@ ANGLES = 31
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedSample:
     """A run that is asked for: a point of a scene's chart."""
 
     scene: Scene
@@ -127,7 +127,7 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SampleAnswer:
     """What a run says.
 
     Attributes
@@ -163,7 +163,7 @@ class Sample:
     memory, baseline : bytes that the run needed at its peak beyond what the process had in use before it.
     """
 
-    answer: Answer
+    answer: SampleAnswer
     wall: Array
     cpu: Array
     kernel: Array
@@ -229,7 +229,7 @@ class _Counted:
         return self._solver.step(state, dt)
 
 
-def measured(asked: Asked, folder: Path) -> Sample:
+def measured(asked: AskedSample, folder: Path) -> Sample:
     """Run a point and measure it, the reference kernel beside it; to be called in a process of its own.
 
     A first step on the coarsest mesh loads whatever the method needs, which is no part of its work.
@@ -260,7 +260,7 @@ def measured(asked: Asked, folder: Path) -> Sample:
     )
 
 
-def answered(asked: Asked, folder: Path) -> Answer:
+def answered(asked: AskedSample, folder: Path) -> SampleAnswer:
     """Run a point that others are held against, beside other work."""
     return _answer(asked.scene, _timed(asked.scene, asked.point))
 
@@ -304,13 +304,13 @@ def _warm_up(scene: Scene, point: Numerics) -> None:
         solver.step(state, scene.output_times[0] if point.method.driven_by else 1e-3 * scene.time.end)
 
 
-def _answer(scene: Scene, run: _Timed) -> Answer:
+def _answer(scene: Scene, run: _Timed) -> SampleAnswer:
     turn, count = turn_matrix(scene), len(scene.probes.points)
     reached = [state for state in run.outputs if state.t in scene.output_times]
     probes = run.solver.probes(turn @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T)
     read = [probes(state) for state in reached]
     cloud_a, cloud_x = run.solver.probes(turn @ cloud(scene.parameters.l0)[0])(run.march.state)
-    return Answer(
+    return SampleAnswer(
         ending=str(run.march.outcome.ending),
         message=run.march.outcome.message,
         times=np.array([state.t for state in reached]),

@@ -14,10 +14,10 @@ from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.chart.measure import Sample, command_of
 from actin_xcheck.studies.chart.truth import (
     WRONG,
-    Known,
-    Quantity,
+    ChartedQuantity,
+    ChartTruth,
+    KnownError,
     Standing,
-    Truth,
     advise,
     errors_of,
     front,
@@ -40,7 +40,7 @@ SIGNS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class ChartRow:
     """A run of a chart.
 
     Attributes
@@ -88,22 +88,22 @@ class Row:
     sample: Sample
 
 
-def row_of(scene: Scene, truth: Truth, point: Numerics, sample: Sample) -> Row:
+def row_of(scene: Scene, truth: ChartTruth, point: Numerics, sample: Sample) -> ChartRow:
     """A point as it was measured, with its errors."""
     errors, answer = errors_of(truth, sample.answer), sample.answer
-    return Row(
+    return ChartRow(
         method=point.method.name,
         refine=point.refine,
         dt=point.dt,
         rtol=np.nan if point.rtol is None else point.rtol,
         fidelity=str(point.reduction.fidelity),
         numerics=point.words,
-        standing=standing(answer, errors, Quantity.CONCENTRATION, truth.known),
+        standing=standing(answer, errors, ChartedQuantity.CONCENTRATION, truth.known),
         ending=answer.ending,
         message=answer.message,
-        error_a=errors[Quantity.CONCENTRATION],
-        error_area=errors[Quantity.AREA],
-        error_probes=errors[Quantity.PROBES],
+        error_a=errors[ChartedQuantity.CONCENTRATION],
+        error_area=errors[ChartedQuantity.AREA],
+        error_probes=errors[ChartedQuantity.PROBES],
         wall=float(np.median(sample.wall)),
         wall_least=float(sample.wall.min()),
         wall_most=float(sample.wall.max()),
@@ -128,20 +128,20 @@ def row_of(scene: Scene, truth: Truth, point: Numerics, sample: Sample) -> Row:
 class Chart:
     """The runs of a chart, method by method, and how each quantity is known."""
 
-    known: Mapping[Quantity, Known]
-    rows: Sequence[Row]
+    known: Mapping[ChartedQuantity, KnownError]
+    rows: Sequence[ChartRow]
 
     @property
-    def quantities(self) -> list[Quantity]:
+    def quantities(self) -> list[ChartedQuantity]:
         """Those of which anything is known."""
         return [quantity for quantity, known in self.known.items() if np.isfinite(known.floor)]
 
-    def standing(self, row: Row, quantity: Quantity) -> Standing:
+    def standing(self, row: ChartRow, quantity: ChartedQuantity) -> Standing:
         """What a run is in the chart of a quantity."""
-        errors = {one: getattr(row, f"error_{one}") for one in Quantity}
+        errors = {one: getattr(row, f"error_{one}") for one in ChartedQuantity}
         return standing(row.sample.answer, errors, quantity, self.known)
 
-    def judged(self, quantity: Quantity) -> Array:
+    def judged(self, quantity: ChartedQuantity) -> Array:
         """The errors that mean something, in the order of the rows; nan for the others."""
         return np.array([
             getattr(row, f"error_{quantity}") if self.standing(row, quantity) is Standing.JUDGED else np.nan
@@ -149,13 +149,13 @@ class Chart:
         ])  # fmt: skip
 
     @property
-    def advice(self) -> list[tuple[float, Row]]:
+    def advice(self) -> list[tuple[float, ChartRow]]:
         """The fastest run for each L2 error of the concentration, largest error first.
 
         By processor time, which is wall time where the machine is quiet and does not change where it is busy:
         no method uses more than one thread.
         """
-        found = advise([row.cpu_kernels for row in self.rows], self.judged(Quantity.CONCENTRATION))
+        found = advise([row.cpu_kernels for row in self.rows], self.judged(ChartedQuantity.CONCENTRATION))
         return [(error, self.rows[number]) for error, number in found]
 
 
@@ -184,11 +184,13 @@ def _megabytes(sample: Sample) -> Array:
 
 def chapter_of(chart: Chart, work: Work) -> Chapter:
     """The charts of one kind of work, a quantity each."""
-    shown = [one for one in Quantity if one in chart.quantities or one is Quantity.CONCENTRATION]
+    shown = [
+        one for one in ChartedQuantity if one in chart.quantities or one is ChartedQuantity.CONCENTRATION
+    ]
     return Chapter(work.key, work.title, "", tuple(_plot(chart, work, quantity) for quantity in shown))
 
 
-def _plot(chart: Chart, work: Work, quantity: Quantity) -> Plot:
+def _plot(chart: Chart, work: Work, quantity: ChartedQuantity) -> Plot:
     methods = list(dict.fromkeys(row.method for row in chart.rows))
     x = np.array([np.median(work.values(row.sample)) for row in chart.rows])
     judged, lines = chart.judged(quantity), list[Line]()
@@ -211,20 +213,22 @@ def _plot(chart: Chart, work: Work, quantity: Quantity) -> Plot:
     )
 
 
-def _levels(chart: Chart, quantity: Quantity) -> Iterator[tuple[str, float]]:
+def _levels(chart: Chart, quantity: ChartedQuantity) -> Iterator[tuple[str, float]]:
     """From where on a run is wrong, and up to where nothing is judged, as far as errors come near."""
     errors = np.array([getattr(row, f"error_{quantity}") for row in chart.rows])
     errors = errors[errors > 0]
     low, high = (errors.min(), errors.max()) if errors.size else (1e-3, 1.0)
-    if quantity is Quantity.CONCENTRATION and low < WRONG < 3 * high:
+    if quantity is ChartedQuantity.CONCENTRATION and low < WRONG < 3 * high:
         yield "silently inaccurate", WRONG
     if (floor := chart.known[quantity].floor) > low / 100:
         yield "the reference's own error", floor
 
 
-def _marked(chart: Chart, work: Work, quantity: Quantity, own: Sequence[int], style: int) -> list[Line]:
+def _marked(
+    chart: Chart, work: Work, quantity: ChartedQuantity, own: Sequence[int], style: int
+) -> list[Line]:
     """The points of a method, those that are alike together: judged, not judged, wrong, failed, and how."""
-    alike: dict[tuple[Standing, str], list[Row]] = {}
+    alike: dict[tuple[Standing, str], list[ChartRow]] = {}
     for row in (chart.rows[number] for number in own):
         kind = chart.standing(row, quantity)
         alike.setdefault((kind, row.ending if kind is Standing.FAILED else ""), []).append(row)
@@ -257,7 +261,7 @@ def _shape(method: str, kind: Standing) -> str:
     return f"{SHAPES.get(family, 'triangle-up')}{'' if kind is Standing.JUDGED else '-open'}"
 
 
-def _said(chart: Chart, row: Row, quantity: Quantity) -> str:
+def _said(chart: Chart, row: ChartRow, quantity: ChartedQuantity) -> str:
     """What is read when the pointer rests on a point."""
     kind = chart.standing(row, quantity)
     if kind is Standing.FAILED:

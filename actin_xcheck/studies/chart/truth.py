@@ -11,13 +11,13 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import SHARE
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.chart.measure import Answer, cloud
+from actin_xcheck.studies.chart.measure import SampleAnswer, cloud
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits."""
 
 
-class Quantity(StrEnum):
+class ChartedQuantity(StrEnum):
     """What an error is charted of."""
 
     CONCENTRATION = "a"
@@ -39,9 +39,9 @@ class Quantity(StrEnum):
 
 
 _WORDS = {
-    Quantity.CONCENTRATION: ("Concentration", "at the end, relative L2 over material points"),
-    Quantity.AREA: ("Area", "relative, largest over the output times"),
-    Quantity.PROBES: (
+    ChartedQuantity.CONCENTRATION: ("Concentration", "at the end, relative L2 over material points"),
+    ChartedQuantity.AREA: ("Area", "relative, largest over the output times"),
+    ChartedQuantity.PROBES: (
         "Probes",
         "concentration at the scene's probes, largest over them and the output times",
     ),
@@ -49,7 +49,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownError:
     """How a quantity is known: from where, in words, and up to which error (0: exactly, nan: not at all)."""
 
     source: str
@@ -57,7 +57,7 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class ChartTruth:
     """What a scene's runs are held against.
 
     Attributes
@@ -69,13 +69,13 @@ class Truth:
     """
 
     scene: Scene
-    fine: Answer
+    fine: SampleAnswer
     area: Array
     probe_a: Array
-    known: dict[Quantity, Known]
+    known: dict[ChartedQuantity, KnownError]
 
 
-def truth_of(scene: Scene, coarse: Answer, fine: Answer, words: str) -> Truth:
+def truth_of(scene: Scene, coarse: SampleAnswer, fine: SampleAnswer, words: str) -> ChartTruth:
     """Return the truth for a scene: the exact solution, else reference values, else the finer run (in words).
 
     The error of the finer run is `accuracy.SHARE` of its difference to the coarser one.
@@ -84,29 +84,31 @@ def truth_of(scene: Scene, coarse: Answer, fine: Answer, words: str) -> Truth:
     area, probe_a = np.full(len(times), np.nan), np.full((len(times), len(scene.probes.points)), np.nan)
     area[: len(fine.area)], probe_a[: len(fine.area)] = fine.area, fine.probe_a
     known = {
-        quantity: Known(words, SHARE * change)
+        quantity: KnownError(words, SHARE * change)
         for quantity, change in _errors(scene, coarse, fine.cloud_a, area, probe_a).items()
     }
     if fine.ending != "completed":
         reason = f"nothing: the reference run ends ({fine.ending}: {fine.message})"
-        known = {quantity: Known(reason, np.nan) for quantity in Quantity}
+        known = {quantity: KnownError(reason, np.nan) for quantity in ChartedQuantity}
     if reference := scene.expect.reference:
-        stated = Known(reference.origin, PRINTED)
+        stated = KnownError(reference.origin, PRINTED)
         at = [(times.index(values.time), values) for values in reference.at]
         if all(values.area is not None for _, values in at):
             area[:] = np.nan
             area[[row for row, _ in at]] = [values.area for _, values in at]
-            known[Quantity.AREA] = stated
+            known[ChartedQuantity.AREA] = stated
         if all(values.probe_a is not None for _, values in at):
             probe_a[:] = np.nan
             probe_a[[row for row, _ in at]] = [values.probe_a for _, values in at]
-            known[Quantity.PROBES] = stated
+            known[ChartedQuantity.PROBES] = stated
     if scene.expect.exact:
-        known |= dict.fromkeys((Quantity.CONCENTRATION, Quantity.PROBES), Known("the exact solution", 0.0))
-    return Truth(scene, fine, area, probe_a, known)
+        known |= dict.fromkeys(
+            (ChartedQuantity.CONCENTRATION, ChartedQuantity.PROBES), KnownError("the exact solution", 0.0)
+        )
+    return ChartTruth(scene, fine, area, probe_a, known)
 
 
-def errors_of(truth: Truth, answer: Answer) -> dict[Quantity, float]:
+def errors_of(truth: ChartTruth, answer: SampleAnswer) -> dict[ChartedQuantity, float]:
     """Return the errors of a run; nan where it failed or nothing is known."""
     scene, cloud_a, probe_a = truth.scene, truth.fine.cloud_a, truth.probe_a
     if scene.expect.exact and answer.ending == "completed":
@@ -128,18 +130,18 @@ def _exact(scene: Scene, points: Array, x: Array, t: float) -> Array:
 
 
 def _errors(
-    scene: Scene, answer: Answer, cloud_a: Array, area: Array, probe_a: Array
-) -> dict[Quantity, float]:
+    scene: Scene, answer: SampleAnswer, cloud_a: Array, area: Array, probe_a: Array
+) -> dict[ChartedQuantity, float]:
     """Errors against values on the cloud and at the output times; nan of a run that did not complete."""
     if answer.ending != "completed":
-        return dict.fromkeys(Quantity, np.nan)
+        return dict.fromkeys(ChartedQuantity, np.nan)
     _, weights = cloud(scene.parameters.l0)
     return {
-        Quantity.CONCENTRATION: float(
+        ChartedQuantity.CONCENTRATION: float(
             np.sqrt(weights @ (answer.cloud_a - cloud_a) ** 2 / (weights @ cloud_a**2))
         ),
-        Quantity.AREA: _largest(answer.area / area - 1),
-        Quantity.PROBES: _largest(answer.probe_a - probe_a),
+        ChartedQuantity.AREA: _largest(answer.area / area - 1),
+        ChartedQuantity.PROBES: _largest(answer.probe_a - probe_a),
     }
 
 
@@ -166,13 +168,16 @@ WRONG = 0.05
 
 
 def standing(
-    answer: Answer, errors: Mapping[Quantity, float], quantity: Quantity, known: Mapping[Quantity, Known]
+    answer: SampleAnswer,
+    errors: Mapping[ChartedQuantity, float],
+    quantity: ChartedQuantity,
+    known: Mapping[ChartedQuantity, KnownError],
 ) -> Standing:
     """Return what a run is in the chart of a quantity."""
     error, floor = errors[quantity], known[quantity].floor
     if answer.ending != "completed":
         return Standing.FAILED
-    if errors[Quantity.CONCENTRATION] > WRONG:
+    if errors[ChartedQuantity.CONCENTRATION] > WRONG:
         return Standing.SILENT
     if not np.isfinite(error):
         return Standing.UNKNOWN

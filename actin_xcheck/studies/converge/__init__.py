@@ -13,7 +13,7 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import Run, read_run
-from actin_xcheck.studies.converge.plan import Refined, Refinement, Truth
+from actin_xcheck.studies.converge.plan import Refined, Refinement, TruthKind
 from actin_xcheck.studies.study import Report, Study, Table, Task
 from actin_xcheck.verdicts.known import change_between, error_of
 from actin_xcheck.verdicts.orders import TOLERANCE, Verdict, observe
@@ -90,7 +90,7 @@ class Error:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundErrors:
     """An order with the errors that it is read off, the coarsest level first."""
 
     order: Order
@@ -107,13 +107,13 @@ class Found:
         return np.array([one.error for one in self.errors])
 
 
-def read_off(asked: Refinement, folder: Path) -> Found:
+def read_off(asked: Refinement, folder: Path) -> FoundErrors:
     """Judge a refinement whose runs lie in the folder."""
     files = [asked.run(level).file for level in asked.levels]
     runs = [read_run(folder / file) for file in files]
     errors, endings = _errors(asked, runs), [_ending(run) for run in runs]
     finer = [""] * len(files)
-    if asked.truth is Truth.RICHARDSON:
+    if asked.truth is TruthKind.RICHARDSON:
         endings = [coarse or fine for coarse, fine in pairwise(endings)]
         finer = files[1:]
     steps = [asked.steps_of(level) for level in asked.levels[: len(errors)]]
@@ -145,7 +145,7 @@ def read_off(asked: Refinement, folder: Path) -> Found:
         command=command("converge", asked.origin, method=asked.method.name),
     )
     rows = zip(asked.levels, steps, errors, (np.nan, *seen.local), endings, files, finer, strict=False)
-    return Found(
+    return FoundErrors(
         order,
         tuple(
             Error(asked.key, level.refine, level.steps, h, dt, abs(error), local, ending, file, other)
@@ -181,7 +181,7 @@ def claim_of(order: Order) -> Claim:
 
 def _errors(asked: Refinement, runs: Sequence[Run]) -> list[float]:
     """One error per level, or per pair of successive levels."""
-    if asked.truth is Truth.RICHARDSON:
+    if asked.truth is TruthKind.RICHARDSON:
         return [change_between(asked.scene, *pair, asked.quantity) for pair in pairwise(runs)]
     return [error_of(asked.scene, run, asked.quantity) for run in runs]
 
@@ -208,7 +208,7 @@ def converge(asked: Sequence[Refinement]) -> Study:
     """Run all levels, each once, and judge the orders that they show."""
     jobs = {job.file: job for one in asked for job in map(one.run, one.levels)}
     yield [job.task for job in jobs.values()]
-    found: list[Found] = yield [Task(read_off, one, READ) for one in asked]
+    found: list[FoundErrors] = yield [Task(read_off, one, READ) for one in asked]
     orders = [one.order for one in found]
     claimed = [one for one in orders if one.claimed]
     counts = Counter(one.verdict for one in orders)
@@ -231,20 +231,20 @@ def converge(asked: Sequence[Refinement]) -> Study:
     )
 
 
-def _scene(found: Found) -> str:
+def _scene(found: FoundErrors) -> str:
     return found.order.scene
 
 
-def _charts(found: Sequence[Found]) -> tuple[Plot, ...]:
+def _charts(found: Sequence[FoundErrors]) -> tuple[Plot, ...]:
     """One chart for each quantity and what is refined, all methods together."""
-    together: dict[tuple[str, str, str], list[Found]] = {}
+    together: dict[tuple[str, str, str], list[FoundErrors]] = {}
     for one in found:
         order = one.order
         together.setdefault((order.refined, order.quantity, order.truth), []).append(one)
     return tuple(_chart(f"errors-{number}", group) for number, group in enumerate(together.values()))
 
 
-def _chart(key: str, found: Sequence[Found]) -> Plot:
+def _chart(key: str, found: Sequence[FoundErrors]) -> Plot:
     order = found[0].order
     in_h = order.refined == Refined.H
     lines = [Line(one.order.method, one.width, one.sizes) for one in found]
@@ -265,7 +265,7 @@ def _chart(key: str, found: Sequence[Found]) -> Plot:
     )
 
 
-def _guides(found: Sequence[Found]) -> list[Line]:
+def _guides(found: Sequence[FoundErrors]) -> list[Line]:
     """A line of each declared order, under the errors of the first method that declares it."""
     guides: dict[float, Line] = {}
     for one in found:

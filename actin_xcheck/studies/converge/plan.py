@@ -49,7 +49,7 @@ class Refined(StrEnum):
     """The time step alone."""
 
 
-class Truth(StrEnum):
+class TruthKind(StrEnum):
     """What a number is held against."""
 
     EXACT = "the exact solution"
@@ -59,7 +59,7 @@ class Truth(StrEnum):
 
 
 @dataclass(frozen=True)
-class Level:
+class RefinedLevel:
     """A mesh of 2**refine layers and a number of equal steps."""
 
     refine: int
@@ -84,8 +84,8 @@ class Refinement:
     method: Method
     refined: Refined
     quantity: Quantity
-    truth: Truth
-    levels: tuple[Level, ...]
+    truth: TruthKind
+    levels: tuple[RefinedLevel, ...]
     no_claim: str
 
     @property
@@ -108,13 +108,13 @@ class Refinement:
     @property
     def floor(self) -> float:
         """Errors up to this say nothing."""
-        return max(self.quantity.floor, PRINTED if self.truth is Truth.REFERENCE else 0.0)
+        return max(self.quantity.floor, PRINTED if self.truth is TruthKind.REFERENCE else 0.0)
 
-    def steps_of(self, level: Level) -> tuple[float, float]:
+    def steps_of(self, level: RefinedLevel) -> tuple[float, float]:
         """(h, dt) of a level."""
         return 2.0**-level.refine, self.scene.time.end / level.steps
 
-    def run(self, level: Level) -> Stored:
+    def run(self, level: RefinedLevel) -> Stored:
         """The run of a level."""
         scene, method = self.scene, self.method
         file = f"runs/{scene.name}--{method.name}--{level.refine}--{level.steps}.vtkhdf"
@@ -171,32 +171,32 @@ def final(scene: Scene) -> Scene:
     return scene.varied(changes, f"scenes/{scene.name}.toml")
 
 
-def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, Truth]]:
+def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, TruthKind]]:
     """What is measured, and held against what, for a scene that expects what this one does."""
     expect, found = scene.expect, []
     if refined is Refined.DT:
         if expect.growth_rate:
-            return [(Quantity.AMPLITUDE, Truth.RICHARDSON)]
+            return [(Quantity.AMPLITUDE, TruthKind.RICHARDSON)]
         moves = scene.motion is None and scene.parameters.psi + abs(scene.parameters.p) > 0
         quantities = (Quantity.CONCENTRATION, *((Quantity.AREA,) if moves else ()))
-        return [(quantity, Truth.RICHARDSON) for quantity in quantities]
+        return [(quantity, TruthKind.RICHARDSON) for quantity in quantities]
     if expect.exact:
-        found.append((Quantity.CONCENTRATION, Truth.EXACT))
+        found.append((Quantity.CONCENTRATION, TruthKind.EXACT))
     if expect.growth_rate:
-        found.append((Quantity.GROWTH_RATE, Truth.MODE))
+        found.append((Quantity.GROWTH_RATE, TruthKind.MODE))
     if expect.reference:
         known = expect.reference.bound
         names = [name for name in ("area", "total_actin", "probe_a") if getattr(known, name)]
-        found += [(Quantity(name), Truth.REFERENCE) for name in names]
-    return found or [(Quantity.AREA, Truth.RICHARDSON), (Quantity.TOTAL_ACTIN, Truth.RICHARDSON)]
+        found += [(Quantity(name), TruthKind.REFERENCE) for name in names]
+    return found or [(Quantity.AREA, TruthKind.RICHARDSON), (Quantity.TOTAL_ACTIN, TruthKind.RICHARDSON)]
 
 
-def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[Level, ...]:
+def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[RefinedLevel, ...]:
     """The levels of a study, from the method's declared orders alone."""
     if refined is Refined.DT:
         refine = FIXED_REFINE - (method.space > 2)
         return tuple(
-            Level(refine, steps * 2 // 5 if method.order_dt == 4 else steps) for steps in FIXED_STEPS
+            RefinedLevel(refine, steps * 2 // 5 if method.order_dt == 4 else steps) for steps in FIXED_STEPS
         )
     # an exhibit that stalls takes the steps of the second-order method it would be
     ratio = (method.order_h or 2) / method.order_dt
@@ -204,4 +204,4 @@ def _levels(scene: Scene, method: Method, refined: Refined) -> tuple[Level, ...]
     if scene.expect.growth_rate:  # as many samples as its fit needs
         assert scene.mode is not None
         first = max(first, 5 if growth_rate(scene.physics, *scene.mode).imag else 2)
-    return tuple(Level(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in refines)
+    return tuple(RefinedLevel(n, round(first * 2 ** (ratio * (n - REFINES[0])))) for n in refines)

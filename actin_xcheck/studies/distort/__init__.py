@@ -12,7 +12,15 @@ from actin_xcheck.report.exhibits import Chapter, Line, Plot, Sheet
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.distort.cases import Answer, Case, Converged, Family, answer_of, cases_of, converged
+from actin_xcheck.studies.distort.cases import (
+    Case,
+    CaseAnswer,
+    ConvergedCase,
+    Family,
+    answer_of,
+    cases_of,
+    converged,
+)
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 LOST = 0.5
@@ -23,7 +31,7 @@ GROWN = 10.0
 
 
 @dataclass(frozen=True)
-class Row:
+class DistortRow:
     """One run as it came out.
 
     Attributes
@@ -75,7 +83,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Pair:
+class DistortPair:
     """A method on one distortion: its runs on the coarser and on the finer mesh, beside the undistorted ones.
 
     Attributes
@@ -86,13 +94,13 @@ class Pair:
     """
 
     severity: float
-    coarse: Row
-    fine: Row
-    plain_coarse: Row
-    plain_fine: Row
+    coarse: DistortRow
+    fine: DistortRow
+    plain_coarse: DistortRow
+    plain_fine: DistortRow
 
     @property
-    def failed(self) -> Row | None:
+    def failed(self) -> DistortRow | None:
         """The run that did not complete, if there is one."""
         return next((row for row in (self.coarse, self.fine) if not row.completed), None)
 
@@ -120,7 +128,7 @@ class Pair:
         return self.fine.iterations_a_solve / self.plain_fine.iterations_a_solve
 
 
-Pairs = dict[str, list[Pair]]
+Pairs = dict[str, list[DistortPair]]
 """By the names of methods, from no distortion to the worst."""
 
 
@@ -141,7 +149,7 @@ def sentence_of(scene: Scene, family: Family, methods: Sequence[Method], pairs: 
     return f"{about}: {'. '.join(parts)}."
 
 
-def _broken(pairs: Sequence[Pair]) -> str:
+def _broken(pairs: Sequence[DistortPair]) -> str:
     """What is lost at the worst, in words; empty where nothing is."""
     for pair in pairs[1:]:
         if row := pair.failed:
@@ -154,7 +162,7 @@ def _broken(pairs: Sequence[Pair]) -> str:
     return ""
 
 
-def _held(pairs: Sequence[Pair]) -> str:
+def _held(pairs: Sequence[DistortPair]) -> str:
     """How far the worst distortion is from none."""
     worst = max(pairs, key=lambda pair: pair.growth)
     work = max(pair.work for pair in pairs)
@@ -163,11 +171,11 @@ def _held(pairs: Sequence[Pair]) -> str:
     return f"error ×{worst.growth:.2g}{order}, iterations ×{work:.2g}"
 
 
-def _at_most(row: Row) -> float:
+def _at_most(row: DistortRow) -> float:
     return max(row.a_error, row.uncertainty)
 
 
-def _order_of(coarse: Row, fine: Row) -> float:
+def _order_of(coarse: DistortRow, fine: DistortRow) -> float:
     known = min(coarse.a_error, fine.a_error) > max(coarse.uncertainty, fine.uncertainty)
     return math.log2(coarse.a_error / fine.a_error) / (fine.refine - coarse.refine) if known else math.nan
 
@@ -197,7 +205,7 @@ def _plot(family: Family, key: str, title: str, names: Sequence[str], pairs: Pai
     off_ring = family.key == "off-ring"
     fitted = family.severities[1] / 2  # a logarithm has no place for zero
 
-    def place(pair: Pair) -> float:
+    def place(pair: DistortPair) -> float:
         return (pair.severity or fitted) if off_ring else pair.fine.aspect
 
     lines = [
@@ -218,7 +226,7 @@ def _plot(family: Family, key: str, title: str, names: Sequence[str], pairs: Pai
     )
 
 
-def _values(pairs: Sequence[Pair], key: str) -> np.ndarray:
+def _values(pairs: Sequence[DistortPair], key: str) -> np.ndarray:
     """A column of the finer runs; nan where one failed, or its error is below what is known."""
     found = np.array([getattr(pair.fine, key) if pair.fine.completed else math.nan for pair in pairs])
     least = np.array([pair.fine.uncertainty if key in QUANTITIES else 0.0 for pair in pairs])
@@ -241,7 +249,7 @@ _NOTE = (
 )
 
 
-def _row(name: str, pair: Pair) -> tuple[str, ...]:
+def _row(name: str, pair: DistortPair) -> tuple[str, ...]:
     fine = pair.fine
     outcome = "; ".join(
         f"refine {row.refine}: {row.ending.replace('_', ' ')}, {row.message}"
@@ -264,11 +272,11 @@ def _row(name: str, pair: Pair) -> tuple[str, ...]:
     )
 
 
-def _error(row: Row, value: float) -> str:
+def _error(row: DistortRow, value: float) -> str:
     return f"below {row.uncertainty:.0e}" if value <= row.uncertainty else _number(value)
 
 
-def _a_step(row: Row) -> float:
+def _a_step(row: DistortRow) -> float:
     return row.factorisations / row.steps_made if row.steps_made else math.nan
 
 
@@ -316,10 +324,10 @@ def distort(
         for method in methods
         for case in cases_of(scene, method, family, severity)
     }
-    truths = [Converged.at(scene, level) for scene, _ in scenes for level in truth_levels]
+    truths = [ConvergedCase.at(scene, level) for scene, _ in scenes for level in truth_levels]
     answers = yield [*(Task(converged, truth, truth.seconds) for truth in truths), *cases.values()]
     of_case = dict(zip(cases, answers[len(truths) :], strict=True))
-    rows: list[Row] = []
+    rows: list[DistortRow] = []
     chapters, sentences, told = [], [], []
     for number, (scene, families) in enumerate(scenes):
         coarse, fine = answers[2 * number : 2 * number + 2]
@@ -345,10 +353,12 @@ def distort(
     )
 
 
-def _pairs(scene: Scene, method: Method, family: Family, found: Mapping[Case, Row]) -> list[Pair]:
+def _pairs(
+    scene: Scene, method: Method, family: Family, found: Mapping[Case, DistortRow]
+) -> list[DistortPair]:
     """The runs of each severity beside those of the undistorted mesh."""
     return [
-        Pair(
+        DistortPair(
             severity,
             *(found[case] for case in cases_of(scene, method, family, severity)),
             *(found[case] for case in cases_of(scene, method, family, family.none)),
@@ -357,7 +367,7 @@ def _pairs(scene: Scene, method: Method, family: Family, found: Mapping[Case, Ro
     ]
 
 
-def _known(scene: Scene, coarse: Answer, fine: Answer, level: AccuracyLevel) -> float:
+def _known(scene: Scene, coarse: CaseAnswer, fine: CaseAnswer, level: AccuracyLevel) -> float:
     """How far the converged run may be off: area and concentrations, relative."""
     if fine.ending != "completed":
         raise UserError(f"{scene.origin}: its converged run ends ({fine.message}); valid: one that does not")
@@ -365,11 +375,13 @@ def _known(scene: Scene, coarse: Answer, fine: Answer, level: AccuracyLevel) -> 
     return level.share * change
 
 
-def _row_of(scene: Scene, case: Case, answer: Answer, exact: Answer, uncertainty: float) -> Row:
+def _row_of(
+    scene: Scene, case: Case, answer: CaseAnswer, exact: CaseAnswer, uncertainty: float
+) -> DistortRow:
     probes = len(scene.probes.points)
     off = np.subtract(answer.a, exact.a)
     known = 1.0 if answer.ending == "completed" else math.nan
-    return Row(
+    return DistortRow(
         scene=scene.name,
         method=case.method,
         family=case.family,
@@ -395,7 +407,7 @@ def _row_of(scene: Scene, case: Case, answer: Answer, exact: Answer, uncertainty
     )
 
 
-def _lead(rows: Sequence[Row], truths: Sequence[str]) -> str:
+def _lead(rows: Sequence[DistortRow], truths: Sequence[str]) -> str:
     endings = Counter(row.ending.replace("_", " ") for row in rows)
     counted = ", ".join(f"{count} {ending}" for ending, count in endings.items())
     residual = max((row.residual for row in rows if row.completed), default=math.nan)

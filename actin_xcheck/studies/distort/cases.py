@@ -203,7 +203,7 @@ def check(scene: Scene, methods: Sequence[Method]) -> None:
 
 
 @dataclass(frozen=True)
-class Converged:
+class ConvergedCase:
     """A run on the disk's own mesh that others are held against: a scene (TOML) and the level."""
 
     scene: str
@@ -212,7 +212,7 @@ class Converged:
     rtol: float
 
     @classmethod
-    def at(cls, scene: Scene, level: AccuracyLevel) -> "Converged":
+    def at(cls, scene: Scene, level: AccuracyLevel) -> "ConvergedCase":
         """A scene's run on a level."""
         return cls(scene.text, level.method.name, level.refine, level.rtol)
 
@@ -229,7 +229,7 @@ class Converged:
 
 
 @dataclass(frozen=True)
-class Answer:
+class CaseAnswer:
     """What a run says in its last state, and how it got there.
 
     Attributes
@@ -260,7 +260,7 @@ class Answer:
     seconds: float
 
 
-def answer_of(case: Case, folder: Path) -> Answer:
+def answer_of(case: Case, folder: Path) -> CaseAnswer:
     """Run a case in equal steps, and leave its scene and mesh, which the case's command names."""
     scene, method = parse_scene(case.scene, case.scene_file), find_method(case.method)
     mesh, files = case.mesh(scene.parameters.l0), (folder / case.scene_file, folder / case.mesh_file)
@@ -272,7 +272,7 @@ def answer_of(case: Case, folder: Path) -> Answer:
     return _answer(scene, solver_for(resolve(scene), method, mesh), numerics)
 
 
-def converged(asked: Converged, folder: Path) -> Answer:
+def converged(asked: ConvergedCase, folder: Path) -> CaseAnswer:
     """Run a scene with steps chosen by their error."""
     scene, method = parse_scene(asked.scene, "a scene"), find_method(asked.method)
     solver = solver_for(resolve(scene), method, mesh_of(scene, asked.refine))
@@ -287,7 +287,7 @@ def cloud(l0: float) -> Array:
     return np.array([np.outer(radii, np.cos(theta)), np.outer(radii, np.sin(theta))]).reshape(2, -1)
 
 
-def _answer(scene: Scene, solver: Solver, numerics: Numerics) -> Answer:
+def _answer(scene: Scene, solver: Solver, numerics: Numerics) -> CaseAnswer:
     began, residual, steps = time.perf_counter(), 0.0, -1  # the initial state is no step
     WORK.clear()
     with np.errstate(all="ignore"):  # what is not finite ends a run as a value
@@ -298,7 +298,7 @@ def _answer(scene: Scene, solver: Solver, numerics: Numerics) -> Answer:
         a, _ = solver.probes(np.hstack([points, cloud(scene.parameters.l0)]))(march.state)
         area = solver.measure(march.state).area
     mesh = solver.mesh
-    return Answer(
+    return CaseAnswer(
         ending=str(march.outcome.ending),
         message=march.outcome.message,
         area=area,

@@ -29,7 +29,7 @@ EPSILON, SEED = 1e-14, 1
 
 
 @dataclass(frozen=True)
-class Level:
+class TrialLevel:
     """One mesh of a method, and the largest local error of its steps."""
 
     method: str
@@ -55,7 +55,7 @@ class Trial:
     """
 
     scene: str
-    level: Level
+    level: TrialLevel
     remesh: bool = False
     epsilon: float = 0.0
 
@@ -77,9 +77,12 @@ class Trial:
         return command("extremes", only=self.scene)
 
 
-def _ladder(method: str, rtol: float, *refines: int) -> tuple[Level, ...]:
+def _ladder(method: str, rtol: float, *refines: int) -> tuple[TrialLevel, ...]:
     """Meshes, coarsest first, and the coarsest one again with a tolerance ten times as large."""
-    return (*(Level(method, refine, rtol) for refine in refines), Level(method, refines[0], 10 * rtol))
+    return (
+        *(TrialLevel(method, refine, rtol) for refine in refines),
+        TrialLevel(method, refines[0], 10 * rtol),
+    )
 
 
 LINEAR, CUBIC = _ladder("fem-p1-imex2", 1e-7, 4, 5, 6), _ladder("fem-p3-imex4", 1e-8, 2, 3, 4)
@@ -95,15 +98,18 @@ BREAKDOWNS = {
 """Scenes whose model ends, and the ladders of methods that say when; see `_ladder`."""
 
 CARRIED = {
-    "sec54-failure": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 4, 1e-6)),
-    "sec54-not-shown": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 3, 1e-6)),
-    "fig18-nonuniform-contraction": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 3, 1e-6)),
-    "fig19-protrusions": (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 3, 1e-6)),
-    "sec6-long-viscous": (Level("fem-p2-imex3", 3, 1e-4),),
+    "sec54-failure": (TrialLevel("fem-p2-imex3", 4, 1e-5), TrialLevel("fem-p3-imex4", 4, 1e-6)),
+    "sec54-not-shown": (TrialLevel("fem-p2-imex3", 4, 1e-5), TrialLevel("fem-p3-imex4", 3, 1e-6)),
+    "fig18-nonuniform-contraction": (
+        TrialLevel("fem-p2-imex3", 4, 1e-5),
+        TrialLevel("fem-p3-imex4", 3, 1e-6),
+    ),
+    "fig19-protrusions": (TrialLevel("fem-p2-imex3", 4, 1e-5), TrialLevel("fem-p3-imex4", 3, 1e-6)),
+    "sec6-long-viscous": (TrialLevel("fem-p2-imex3", 3, 1e-4),),
 }
 """Scenes that the model carries through, each run as it is and with remeshing."""
 
-TWINS = (Level("fem-p2-imex3", 4, 1e-5), Level("fem-p3-imex4", 4, 1e-6))
+TWINS = (TrialLevel("fem-p2-imex3", 4, 1e-5), TrialLevel("fem-p3-imex4", 4, 1e-6))
 """How the scene of the article's failure is run beside a twin."""
 
 

@@ -17,11 +17,11 @@ from actin_xcheck.studies.frontier.answers import (
     NOT_RUN,
     TIME_BOUND,
     TRUTH_LEVELS,
-    Answer,
-    Converged,
-    Judged,
-    Kind,
-    Truth,
+    AnswerKind,
+    ConvergedPlace,
+    JudgedAnswer,
+    PlaceAnswer,
+    PlaceTruth,
     answer_of,
     judge,
     lost_answer,
@@ -45,7 +45,7 @@ from actin_xcheck.studies.study import Report, Study, Table, Task
 
 _DECADES = (10.0, 100.0, 1e3, 1e4)
 
-_RIGHT = (Kind.ACCURATE, Kind.ENDS)
+_RIGHT = (AnswerKind.ACCURATE, AnswerKind.ENDS)
 
 _SAMPLES = 4
 """Looks between two places of an axis."""
@@ -75,7 +75,7 @@ def shares(plane: Plane, found: Bisection) -> Mapping[str, float]:
     for cell in found.cells:
         size = (x[cell.right] - x[cell.left]) * (y[cell.top] - y[cell.bottom]) / whole
         for node in cell.corners:
-            parts[found.found[node] or str(Kind.NOT_RUN)] += size / 4
+            parts[found.found[node] or str(AnswerKind.NOT_RUN)] += size / 4
     return parts
 
 
@@ -100,10 +100,10 @@ def _place(axis: Axis, value: float) -> float:
 
 
 def _shares_in_words(parts: Mapping[str, float]) -> str:
-    first = [str(Kind.ACCURATE), str(Kind.SILENT)]
+    first = [str(AnswerKind.ACCURATE), str(AnswerKind.SILENT)]
     names = [*first, *sorted(parts.keys() - set(first))]
     said = [f"{name} in {_percent(parts[name])}" for name in names if parts.get(name)]
-    if not any(name.startswith(Kind.FAILED) for name in parts):
+    if not any(name.startswith(AnswerKind.FAILED) for name in parts):
         said.append("never fails")
     return ", ".join(said)
 
@@ -125,7 +125,7 @@ SHOWN = (
 
 
 @dataclass(frozen=True)
-class Row:
+class FrontierRow:
     """A point of a map as it came out.
 
     Attributes
@@ -176,10 +176,10 @@ class Row:
 class _Known:
     """What has been run, by what was asked: answers of points and truths of scenes (TOML)."""
 
-    answers: dict[Point, Answer] = field(default_factory=dict)
-    truths: dict[str, Truth] = field(default_factory=dict)
+    answers: dict[Point, PlaceAnswer] = field(default_factory=dict)
+    truths: dict[str, PlaceTruth] = field(default_factory=dict)
 
-    def judged(self, point: Point) -> Judged:
+    def judged(self, point: Point) -> JudgedAnswer:
         """What a point's run is worth."""
         if not point.within_budget:
             return NOT_RUN
@@ -248,7 +248,7 @@ def frontier(
         scenes = [text for text in dict.fromkeys(point.scene for point in new) if text not in known.truths]
         truths = [
             Task(truth_of, one, one.seconds, (), lost_truth)
-            for one in (Converged(text, truth_levels) for text in scenes)
+            for one in (ConvergedPlace(text, truth_levels) for text in scenes)
         ]
         runs = [Task(answer_of, point, point.seconds, (point.file,), lost_answer) for point in new]
         answers = yield [*truths, *runs]
@@ -292,9 +292,9 @@ _MAPS = (
 )
 
 
-def _lead(rows: Sequence[Row]) -> str:
-    run = [row for row in rows if row.kind != Kind.NOT_RUN]
-    uncertainty = max((row.uncertainty for row in run if row.kind != Kind.UNKNOWN), default=math.nan)
+def _lead(rows: Sequence[FrontierRow]) -> str:
+    run = [row for row in rows if row.kind != AnswerKind.NOT_RUN]
+    uncertainty = max((row.uncertainty for row in run if row.kind != AnswerKind.UNKNOWN), default=math.nan)
     return (
         "Where runs complete and are accurate, where they complete and are silently wrong, and where "
         f"they fail, and of what. Each of {len(run)} points is a run in equal steps, held against a "
@@ -332,7 +332,7 @@ def _places(axis: Axis) -> Places:
     return Places(axis.label, np.array(axis.values), axis.log)
 
 
-def _said(one: _Map, node: Node, judged: Judged) -> str:
+def _said(one: _Map, node: Node, judged: JudgedAnswer) -> str:
     """What a reader sees who points at a point."""
     point = one.points[node]
     places = zip((one.plane.x, one.plane.y), node, strict=True)
@@ -340,7 +340,7 @@ def _said(one: _Map, node: Node, judged: Judged) -> str:
     return f"{where}; {point.steps} steps, refine {point.refine}: {judged.label}. {judged.sentence}"
 
 
-def _row(one: _Map, node: Node, known: _Known) -> Row:
+def _row(one: _Map, node: Node, known: _Known) -> FrontierRow:
     point = one.points[node]
     judged = known.judged(point)
     asked = ("psi", "p", "end", "dt", "refine", "steps", "command")
@@ -356,7 +356,7 @@ def _row(one: _Map, node: Node, known: _Known) -> Row:
             values[f"true_{name}"] = getattr(truth.answer, name)
         values |= {"outcome": answer.ending, "true_outcome": truth.answer.ending}
         values["uncertainty"] = truth.uncertainty
-    return Row(**values)
+    return FrontierRow(**values)
 
 
 def _answers(scene: Scene, methods: Sequence[Method], ladder: Sequence[Point], known: _Known) -> Chapter:

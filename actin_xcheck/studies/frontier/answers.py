@@ -40,7 +40,7 @@ TRUTH_MOST = 0.5
 
 
 @dataclass(frozen=True)
-class Answer:
+class PlaceAnswer:
     """What a run says at its end, or in the last state that stood.
 
     Attributes
@@ -68,7 +68,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Truth:
+class PlaceTruth:
     """The answer of a converged run, by the finest level that was needed.
 
     Attributes
@@ -79,7 +79,7 @@ class Truth:
         do not end alike.
     """
 
-    answer: Answer
+    answer: PlaceAnswer
     level: str
     uncertainty: float
 
@@ -95,15 +95,15 @@ class Truth:
         return ended and self.uncertainty <= TRUTH_MOST * self.bound
 
 
-def lost_answer(asked: object, lost: Lost) -> Answer:
+def lost_answer(asked: object, lost: Lost) -> PlaceAnswer:
     """The answer of a run whose processes ended under it: a failure of which nothing else is known."""
     nan = float("nan")
-    return Answer(str(Ending.INTERRUPTED), lost.message, nan, nan, nan, (), (), nan)
+    return PlaceAnswer(str(Ending.INTERRUPTED), lost.message, nan, nan, nan, (), (), nan)
 
 
-def lost_truth(asked: "Converged", lost: Lost) -> Truth:
+def lost_truth(asked: "ConvergedPlace", lost: Lost) -> PlaceTruth:
     """The same of a converged run: a truth that decides nothing."""
-    return Truth(lost_answer(asked, lost), "", float("nan"))
+    return PlaceTruth(lost_answer(asked, lost), "", float("nan"))
 
 
 ERRORS = ("area", "total_actin", "a", "x")
@@ -111,7 +111,7 @@ ERRORS = ("area", "total_actin", "a", "x")
 positions (in radii of the disk)."""
 
 
-def errors_between(answer: Answer, truth: Answer) -> tuple[float, ...]:
+def errors_between(answer: PlaceAnswer, truth: PlaceAnswer) -> tuple[float, ...]:
     """The errors of `ERRORS` between two completed runs."""
     a, x = np.subtract(answer.a, truth.a), np.subtract(answer.x, truth.x).reshape(-1, 2)
     return (
@@ -122,7 +122,7 @@ def errors_between(answer: Answer, truth: Answer) -> tuple[float, ...]:
     )
 
 
-def answer_of(point: Point, folder: Path) -> Answer:
+def answer_of(point: Point, folder: Path) -> PlaceAnswer:
     """Run a point in memory with equal steps, and leave its scene, which the point's command names."""
     file = folder / point.file
     file.parent.mkdir(exist_ok=True)
@@ -131,7 +131,7 @@ def answer_of(point: Point, folder: Path) -> Answer:
 
 
 @dataclass(frozen=True)
-class Converged:
+class ConvergedPlace:
     """A scene (TOML) whose truth is asked for, by which of `accuracy.LEVELS`: the first and one behind."""
 
     scene: str
@@ -146,30 +146,30 @@ class Converged:
         )
 
 
-def truth_of(asked: Converged, folder: Path) -> Truth:
+def truth_of(asked: ConvergedPlace, folder: Path) -> PlaceTruth:
     """Run a scene on finer and finer levels until two agree to `TRUTH_SHARE` of the bound."""
-    answers: list[Answer] = []
-    truth: Truth | None = None
+    answers: list[PlaceAnswer] = []
+    truth: PlaceTruth | None = None
     first, behind = asked.levels
     levels = LEVELS[first:behind]
     for level in levels:
         answers.append(_run(asked.scene, level.method.name, level.refine, None, level.rtol))
         if len(answers) > 1:
             words = f"{level.method.name}, refine {level.refine}, rtol {level.rtol:g}"
-            truth = Truth(answers[-1], words, _uncertainty(answers, levels))
+            truth = PlaceTruth(answers[-1], words, _uncertainty(answers, levels))
             if truth.uncertainty <= TRUTH_SHARE * truth.bound:
                 break
     assert truth is not None
     return truth
 
 
-def _uncertainty(answers: Sequence[Answer], levels: Sequence[AccuracyLevel]) -> float:
+def _uncertainty(answers: Sequence[PlaceAnswer], levels: Sequence[AccuracyLevel]) -> float:
     """Of the last level, by the changes to it and to those before."""
     changes = [_change(one, other) for one, other in pairwise(answers)]
     return estimated(changes, [level.share for level in levels[1 : len(answers)]])
 
 
-def _change(coarse: Answer, fine: Answer) -> float:
+def _change(coarse: PlaceAnswer, fine: PlaceAnswer) -> float:
     if coarse.ending != fine.ending:
         return float("nan")
     return max(errors_between(coarse, fine)) if fine.completed else abs(coarse.t / fine.t - 1)
@@ -179,7 +179,7 @@ _PROBES: dict[Hashable, Probes] = {}
 """What reads the cloud off states, by method, mesh and points: finding them takes longer than many a run."""
 
 
-def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | None) -> Answer:
+def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | None) -> PlaceAnswer:
     """Run a scene with equal steps of dt, or with steps chosen by their error."""
     began = time.perf_counter()
     scene = parse_scene(text, "a point of the plane")
@@ -195,7 +195,7 @@ def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | No
         if where not in _PROBES:
             _PROBES[where] = solver.probes(turn_matrix(scene) @ np.array(scene.probes.points).T)
         a, x = _PROBES[where](last)
-    return Answer(
+    return PlaceAnswer(
         str(outcome.ending),
         outcome.message,
         float(last.t),
@@ -207,7 +207,7 @@ def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | No
     )
 
 
-class Kind(StrEnum):
+class AnswerKind(StrEnum):
     """The classes of runs; those that fail have their Outcome for a class too."""
 
     ACCURATE = "accurate"
@@ -226,7 +226,7 @@ _WORDS = dict(zip(ERRORS, ("area", "total actin", "concentration", "positions"),
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedAnswer:
     """A run's class and why.
 
     Attributes
@@ -237,7 +237,7 @@ class Judged:
     sentence : what happened, in words.
     """
 
-    kind: Kind
+    kind: AnswerKind
     ending: str
     errors: tuple[float, ...]
     sentence: str
@@ -245,7 +245,7 @@ class Judged:
     @property
     def label(self) -> str:
         """The class with the Outcome of a failure: what borders separate and colours show."""
-        return f"{self.kind}: {self.ending}" if self.kind is Kind.FAILED else str(self.kind)
+        return f"{self.kind}: {self.ending}" if self.kind is AnswerKind.FAILED else str(self.kind)
 
     @property
     def error(self) -> float:
@@ -255,45 +255,45 @@ class Judged:
 
 _NO_ERRORS = (float("nan"),) * len(ERRORS)
 
-NOT_RUN = Judged(Kind.NOT_RUN, "", _NO_ERRORS, f"not run: more than {MOST_STEPS} steps")
+NOT_RUN = JudgedAnswer(AnswerKind.NOT_RUN, "", _NO_ERRORS, f"not run: more than {MOST_STEPS} steps")
 """Of points beyond the budget."""
 
 
-def judge(point: Point, answer: Answer, truth: Truth) -> Judged:
+def judge(point: Point, answer: PlaceAnswer, truth: PlaceTruth) -> JudgedAnswer:
     """Hold a run against the truth at its psi and p."""
     ending, reference = "" if answer.completed else answer.ending, truth.answer
     if not truth.known:
         sentence = f"the truth is not known here: {why_unknown(truth)}"
-        return Judged(Kind.UNKNOWN, "", _NO_ERRORS, sentence)
+        return JudgedAnswer(AnswerKind.UNKNOWN, "", _NO_ERRORS, sentence)
     if reference.completed and answer.completed:
         errors = errors_between(answer, reference)
         worst = max(range(len(errors)), key=errors.__getitem__)
-        kind = Kind.ACCURATE if errors[worst] <= truth.bound else Kind.SILENT
+        kind = AnswerKind.ACCURATE if errors[worst] <= truth.bound else AnswerKind.SILENT
         sentence = (
             f"completes with area {answer.area:.4g} for {reference.area:.4g}; "
             f"largest error {errors[worst]:.2g}, of the {_WORDS[ERRORS[worst]]}"
         )
-        return Judged(kind, "", errors, sentence)
+        return JudgedAnswer(kind, "", errors, sentence)
     if answer.completed:
         sentence = f"completes, though the model ends at t = {reference.t:.4g}: {reference.message}"
-        return Judged(Kind.SILENT, "", _NO_ERRORS, sentence)
+        return JudgedAnswer(AnswerKind.SILENT, "", _NO_ERRORS, sentence)
     if not reference.completed and _ends_with(point, answer, reference):
         sentence = f"ends with the model, whose end is t = {reference.t:.4g}: {answer.message}"
-        return Judged(Kind.ENDS, "", _NO_ERRORS, sentence)
+        return JudgedAnswer(AnswerKind.ENDS, "", _NO_ERRORS, sentence)
     at = f" at t = {answer.t:.4g}" if math.isfinite(answer.t) else ""  # of a lost process nobody knows
     beside = "" if reference.completed else f", while the model ends at t = {reference.t:.4g}"
     sentence = f"{ending}{at}{beside}: {answer.message}"
-    return Judged(Kind.FAILED, ending, _NO_ERRORS, sentence)
+    return JudgedAnswer(AnswerKind.FAILED, ending, _NO_ERRORS, sentence)
 
 
-def _ends_with(point: Point, answer: Answer, reference: Answer) -> bool:
+def _ends_with(point: Point, answer: PlaceAnswer, reference: PlaceAnswer) -> bool:
     """Whether a failure is the model's own end, as nearly in time as the run's step can tell."""
     too_late, too_early = answer.t - reference.t, reference.t - (answer.t + point.dt)
     near = max(too_late, too_early) <= TIME_BOUND * reference.t
     return near and answer.ending == Ending.SINGULAR_DILATION
 
 
-def why_unknown(truth: Truth) -> str:
+def why_unknown(truth: PlaceTruth) -> str:
     """In words, of a truth that is not known."""
     if truth.answer.ending not in (Ending.COMPLETED, Ending.SINGULAR_DILATION):
         return f"the converged run ends with {truth.answer.ending}: {truth.answer.message}"

@@ -40,7 +40,7 @@ SHORTEST_WAVE = 1e8
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class LimitPair:
     """An additive Runge-Kutta pair: coefficients (s, s) and weights (s,) of its halves.
 
     Attributes
@@ -60,13 +60,13 @@ def is_known(method: Method) -> bool:
     return method.family in ("fem", "fv")
 
 
-def pair_of(method: Method) -> Pair | None:
+def pair_of(method: Method) -> LimitPair | None:
     """The pair that one of our methods takes steps with; None for the first-order scheme (B.23)."""
     options = dict(method.options)
     if "time" in options:
         tableaux: Any = load("fem.tableaux:TABLEAUX")
         tableau = tableaux[options["time"]]
-        return Pair(tableau.explicit, tableau.implicit, tableau.b, tableau.b)
+        return LimitPair(tableau.explicit, tableau.implicit, tableau.b, tableau.b)
     if method.order_dt == 1:
         return None
     gamma: Any = load("fv.solver:GAMMA")
@@ -75,7 +75,7 @@ def pair_of(method: Method) -> Pair | None:
     first, second = last.explicit
     explicit = np.array([[0, 0, 0], [gamma, 0, 0], [first, second, 0]])
     implicit = np.array([[0, 0, 0], [0, gamma, 0], [0, *last.implicit, gamma]])
-    return Pair(explicit, implicit, explicit[-1], implicit[-1])
+    return LimitPair(explicit, implicit, explicit[-1], implicit[-1])
 
 
 def constant(model: Model) -> Model:
@@ -83,7 +83,7 @@ def constant(model: Model) -> Model:
     return model if model.delta is Delta.FULL else replace(model, delta=Delta.NONE)
 
 
-def step_matrix(pair: Pair | None, model: Model, k2: float, dt: float) -> Array:
+def step_matrix(pair: LimitPair | None, model: Model, k2: float, dt: float) -> Array:
     """The map (2, 2) of (phi, P) over one step."""
     par = model.parameters
     decay, rate = model.reaction_rate() + par.d * k2, model.reaction_rate()
@@ -113,7 +113,7 @@ def step_matrix(pair: Pair | None, model: Model, k2: float, dt: float) -> Array:
     )
 
 
-def amplification(pair: Pair | None, model: Model, k2: float, dt: float) -> complex:
+def amplification(pair: LimitPair | None, model: Model, k2: float, dt: float) -> complex:
     """The eigenvalue of a step that belongs to the leading rate: the larger one."""
     roots: NDArray[np.complex128] = np.linalg.eigvals(step_matrix(pair, model, k2, dt)).astype(complex)
     return complex(max(roots, key=lambda root: (abs(root), root.imag)))
@@ -124,12 +124,12 @@ def leading_rate(model: Model, k2: float) -> complex:
     return complex(growth_rates(model, k2)[0])
 
 
-def computed_rate(pair: Pair | None, model: Model, k2: float, dt: float) -> float:
+def computed_rate(pair: LimitPair | None, model: Model, k2: float, dt: float) -> float:
     """The growth rate ln |R|/dt that steps of dt show."""
     return float(np.log(abs(amplification(pair, model, k2, dt))) / dt)
 
 
-def growth_error(pair: Pair | None, model: Model, k2: float, dt: float, end: float) -> float:
+def growth_error(pair: LimitPair | None, model: Model, k2: float, dt: float, end: float) -> float:
     """Relative error of a mode's amplitude at the end of a run: R^(end/dt) e^(-lambda end) - 1."""
     rate = leading_rate(model, k2)
     factor = amplification(pair, model, k2, dt)
@@ -139,13 +139,13 @@ def growth_error(pair: Pair | None, model: Model, k2: float, dt: float, end: flo
     return float(abs(np.expm1(np.clip(exponent.real, -700, 700) + 1j * exponent.imag)))
 
 
-def largest_accurate_step(pair: Pair | None, model: Model, end: float, bound: float) -> float:
+def largest_accurate_step(pair: LimitPair | None, model: Model, end: float, bound: float) -> float:
     """The dt up to which the fastest mode's amplitude at the end is right within a bound; at most the end."""
     k2 = wavenumber(*FASTEST) ** 2
     return _first(lambda dt: growth_error(pair, model, k2, dt, end) - bound, 1e-6 * end, end)
 
 
-def explicit_limit(pair: Pair | None, model: Model) -> float:
+def explicit_limit(pair: LimitPair | None, model: Model) -> float:
     """The dt beyond which the shortest waves are amplified, however fine the mesh; infinite where none are.
 
     v = A^-1 (F - B u) is a bounded operator, so that the explicit motion has a limit that no mesh lowers:

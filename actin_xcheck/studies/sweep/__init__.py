@@ -28,7 +28,7 @@ from actin_xcheck.runs.vtkhdf import whole
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.journal import Journal, key_of, stated
 from actin_xcheck.studies.study import Report, Study, Table, Task, Tell, at_work, report_of, write_report
-from actin_xcheck.studies.sweep.plan import Point, points_of
+from actin_xcheck.studies.sweep.plan import SweepPoint, points_of
 
 ERROR = "error"
 """In place of an Ending, where there is no run: an exception, or a process that ended, every time."""
@@ -43,7 +43,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Run:
+class SweepRun:
     """A run to be made: a scene (TOML) and where that comes from, numerics, and the sweep's command."""
 
     text: str
@@ -72,7 +72,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Ran:
+class SweepRan:
     """How a run went: its outcome, and numbers by name; none where it has no file."""
 
     outcome: str
@@ -81,7 +81,7 @@ class Ran:
     numbers: tuple[tuple[str, float], ...] = ()
 
 
-def work(asked: Run, folder: Path) -> Ran:
+def work(asked: SweepRun, folder: Path) -> SweepRan:
     """Make a run, unless its file is there, and return how it went."""
     path = folder / asked.file
     try:
@@ -89,17 +89,17 @@ def work(asked: Run, folder: Path) -> Ran:
             return found
         _log(asked, folder)
         _run(asked, path)
-        return finished(path) or Ran(ERROR, "its file is gone")
+        return finished(path) or SweepRan(ERROR, "its file is gone")
     except Exception as error:  # one run's mistake must not end the others
-        return Ran(ERROR, brief(f"{type(error).__name__}: {error}", 400))
+        return SweepRan(ERROR, brief(f"{type(error).__name__}: {error}", 400))
 
 
-def lost(asked: Run, lost: Lost) -> Ran:
+def lost(asked: SweepRun, lost: Lost) -> SweepRan:
     """A run whose processes ended under it."""
-    return Ran(ERROR, lost.message)
+    return SweepRan(ERROR, lost.message)
 
 
-def _run(asked: Run, path: Path) -> None:
+def _run(asked: SweepRun, path: Path) -> None:
     scene = parse_scene(asked.text, asked.origin)
     numerics = asked.numerics.on(scene)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,14 +113,14 @@ def _run(asked: Run, path: Path) -> None:
                 raise
 
 
-def _log(asked: Run, folder: Path) -> None:
+def _log(asked: SweepRun, folder: Path) -> None:
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
     line = f"{now} {asked.key} {socket.gethostname()} {os.getpid()}\n"
     with (folder / LOG).open("a", encoding="utf-8") as log:
         log.write(line)
 
 
-def finished(path: Path) -> Ran | None:
+def finished(path: Path) -> SweepRan | None:
     """What a whole file says: how the run went and the last row of its series; None where there is none.
 
     Vectors and probes become one number each: `centroid_x`, `probe_a_0`, `probe_x_0_x`.
@@ -137,7 +137,7 @@ def finished(path: Path) -> Ran | None:
             for name, values in series.items():
                 if name != "dt":  # the last step's: the asked one stands there
                     numbers |= _columns(name, values[-1])
-            return Ran(said["outcome"], said["message"], said["fidelity"], tuple(numbers.items()))
+            return SweepRan(said["outcome"], said["message"], said["fidelity"], tuple(numbers.items()))
     except UserError:
         return None
 
@@ -160,7 +160,7 @@ def _columns(name: str, value: Any) -> dict[str, float]:
 # the sweep
 
 
-Runs = Sequence[tuple[Point, Run]]
+Runs = Sequence[tuple[SweepPoint, SweepRun]]
 """What is run in the order of the table, with what was varied."""
 
 
@@ -174,7 +174,7 @@ def runs_of(path: Path, methods: Sequence[str], asked: Wanted, command: str) -> 
         replace(asked, method=method.name, rtol=asked.rtol if method.adaptive else None) for method in known
     ]
     return [
-        (point, Run(point.text, point.origin, each, command))
+        (point, SweepRun(point.text, point.origin, each, command))
         for point in points_of(path)
         for each in numerics
     ]
@@ -185,7 +185,7 @@ def sweep(runs: Runs, tasks: Sequence[Task]) -> Study:
     return report(runs, (yield tasks))
 
 
-def report(runs: Runs, answers: Sequence[Ran]) -> Report:
+def report(runs: Runs, answers: Sequence[SweepRan]) -> Report:
     """The table of a sweep, as far as there are answers, and the links to its files."""
     rows = [_row(point, run, ran) for (point, run), ran in zip(runs, answers, strict=True)]
     columns = table_of(Path(), rows).columns
@@ -203,7 +203,7 @@ def report(runs: Runs, answers: Sequence[Ran]) -> Report:
     )
 
 
-def _row(point: Point, run: Run, ran: Ran) -> Row:
+def _row(point: SweepPoint, run: SweepRun, ran: SweepRan) -> Row:
     numbers: dict[str, Any] = dict(ran.numbers)
     head: dict[str, Any] = {name: numbers.pop(name) for name in ("refine", "dt", "rtol") if name in numbers}
     return {

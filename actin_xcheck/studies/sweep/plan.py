@@ -27,7 +27,7 @@ Values = Mapping[str, Value]
 
 
 @dataclass(frozen=True)
-class Point:
+class SweepPoint:
     """One run's scene, not yet checked.
 
     Attributes
@@ -80,7 +80,7 @@ class _Sweep(TomlTable):
         return self
 
 
-def points_of(path: Path) -> list[Point]:
+def points_of(path: Path) -> list[SweepPoint]:
     """Return the runs that a sweep's file asks for, the last range varying fastest.
 
     UserError, one line that names file and key, what was given and what is valid; the scenes themselves are
@@ -127,12 +127,12 @@ def _axis(path: Path, key: str, given: Any) -> list[Value]:
         raise UserError(f"{path}: over.{key}.{_sentence(error.errors()[0], _Range)}") from None
 
 
-def _varied(path: Path, name: str, combined: Sequence[Values]) -> Iterator[Point]:
+def _varied(path: Path, name: str, combined: Sequence[Values]) -> Iterator[SweepPoint]:
     """A scene with each of the combinations put into it."""
     given, name = name, name if name in shipped_scenes() else str(path.parent / name)
     text = scene_text(name)
     if combined == [{}]:
-        yield Point(given, text, name, {})
+        yield SweepPoint(given, text, name, {})
         return
     try:
         base = tomllib.loads(text)
@@ -141,7 +141,7 @@ def _varied(path: Path, name: str, combined: Sequence[Values]) -> Iterator[Point
     for values in combined:
         said = ", ".join(f"{key} = {brief(repr(value), 40)}" for key, value in values.items())
         origin = f"{path}: {name} with {said}"
-        yield Point(given, tomli_w.dumps(varied(base, values, origin)), origin, values)
+        yield SweepPoint(given, tomli_w.dumps(varied(base, values, origin)), origin, values)
 
 
 def _sentence(error: ErrorDetails, table: type[TomlTable]) -> str:

@@ -115,7 +115,7 @@ def _worded(rate: complex) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class DrawnChapter:
     """Exhibits that are computed together."""
 
     exhibits: tuple[Exhibit, ...]
@@ -127,20 +127,20 @@ _SECONDS = {"curves": 5.0, "pictures": 3.0, "thresholds": 25.0, "map": 30.0, "sp
 """What each takes, about; a second where nothing is said."""
 
 
-def drawn(asked: tuple[str, str], folder: Path) -> Drawn:
+def drawn(asked: tuple[str, str], folder: Path) -> DrawnChapter:
     """Compute exhibits: curves, pictures, the thresholds of a closure, a map, or one of the tables."""
     what, which = asked
     match what:
         case "curves":
-            return Drawn(tuple(plots()))
+            return DrawnChapter(tuple(plots()))
         case "pictures":
-            return Drawn(tuple(pictures()))
+            return DrawnChapter(tuple(pictures()))
         case "thresholds":
-            return Drawn((threshold_sheet(Closure(which)),))
+            return DrawnChapter((threshold_sheet(Closure(which)),))
         case "map":
-            return Drawn((map_of(which),))
+            return DrawnChapter((map_of(which),))
         case _:
-            return Drawn((_SHEETS[what](),))
+            return DrawnChapter((_SHEETS[what](),))
 
 
 def atlas() -> Study:
