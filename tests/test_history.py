@@ -103,7 +103,7 @@ KILLED = """
 import os, signal, sys
 import actin_xcheck
 from actin_xcheck.nightly.history import append
-from actin_xcheck.nightly.record import Kind, Night, Number
+from actin_xcheck.nightly.record import NumberKind, Night, Number
 
 class Deadly(Number):
     @property
@@ -114,7 +114,7 @@ class Deadly(Number):
     def key(self, key):
         pass
 
-many = [Number("k%d" % i, Kind.ERROR, 1.0, source="x" * 200) for i in range(30000)]
+many = [Number("k%d" % i, NumberKind.ERROR, 1.0, source="x" * 200) for i in range(30000)]
 deadly = Number.__new__(Deadly)
 append(sys.argv[1], Night("new", "2027-01-01", "c", {"numpy": "1"}, "m"), [*many, deadly])
 """
@@ -163,7 +163,7 @@ def test_a_damaged_history_is_one_line(tmp_path, damage):
     [
         ("PRAGMA application_id = 7", "a database of something else"),
         ("PRAGMA user_version = 99", "schema 99, but this version reads schema 2"),
-        ("UPDATE numbers SET kind = 'colour'", "'colour' is not a valid Kind"),
+        ("UPDATE numbers SET kind = 'colour'", "'colour' is not a valid NumberKind"),
     ],
 )
 def test_a_file_of_something_else_is_one_line(tmp_path, said, of):

@@ -146,13 +146,11 @@ def run(
     stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
     passing : whether it will be compared and thrown away: without polarity (nan) and checkpoints.
 
-    Raises UserError where the file cannot be written, another process writes it, or `resume` finds another
-    run there.
+    Raises UserError where the file cannot be written, or another process does, or `resume` finds another run.
     """
     began = time.perf_counter()
     attributes = _attributes(scene, numerics, command)
-    # what overflows in a run ends as its Outcome
-    with locked(path), np.errstate(all="ignore"):
+    with locked(path), np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
         before = earlier(path, attributes) if resume else None
         if before is not None and before.path == path:
             return _ended(before)
