@@ -132,8 +132,8 @@ def test_a_mesh_too_coarse_to_stand_is_no_breakdown_of_the_model(tmp_path, monke
     """Coarse levels fold where finer ones do not: that is what the next level is for."""
     failures = iter([Outcome(Ending.TANGLED, "folds")])
 
-    def folding(*given):
-        outcome = run(*given)
+    def folding(*given, **more):
+        outcome = run(*given, **more)
         return next(failures, outcome)
 
     monkeypatch.setattr("actin_xcheck.runs.accuracy.run", folding)

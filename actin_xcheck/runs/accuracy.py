@@ -203,7 +203,7 @@ class _Climb:
                     self.shares.append(self._share(level, now) if told else SHARE if failed else BOTH)
                     self.changes.append(self._change(before, now))
                 estimate = estimated(self.changes, self.shares) + self._neglected()
-                estimate += self.in_time if len(completed) > 2 else 0.0
+                estimate += self.in_time if len(completed) > 2 else OF_A_STEP * self.rtol
                 self.runs[level.method.name, level.refine] = before = now
             reached = Delivered(
                 outcome, replace(level, rtol=self.rtol), self.reduction, estimate, tuple(self.changes)
