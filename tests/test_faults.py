@@ -117,7 +117,7 @@ def test_a_fault_is_gone_afterwards_whatever_it_replaces():
     assert "_source" not in vars(FvSecondOrder)
 
 
-@pytest.mark.parametrize("target", ["fv.krylov:gone", "fv.krylov:Operator.gone", "fv.gone:solve"])
+@pytest.mark.parametrize("target", ["fv.krylov:gone", "fv.krylov:TransportOperator.gone", "fv.gone:solve"])
 def test_a_control_whose_target_is_gone_is_an_error(target):
     with pytest.raises(ControlError, match="is gone"), injected(replace(NOTHING, target=target)):
         pass

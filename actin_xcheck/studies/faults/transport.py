@@ -236,7 +236,7 @@ FAULTS = (
         "fv-cross-flux-dropped",
         "No correction for faces that are not orthogonal to the line between their cells.",
         "fv",
-        "fv.krylov:Operator.__call__",
+        "fv.krylov:TransportOperator.__call__",
         _two_point_alone,
     ),
     Fault(
