@@ -172,7 +172,7 @@ def test_extrapolated_rates_of_both_codes_are_the_predicted_ones(name, method):
     assert limit / leading_growth_rate(scene.physics, *scene.mode).real == pytest.approx(1, abs=0.002)
 
 
-CELL_MODES = [name for name in shipped_scenes() if name.startswith("mode-") and name.endswith("-cell")]
+CELL_MODES = [name for name in shipped_scenes() if name.startswith("mode") and name.endswith("cell")]
 
 
 @pytest.mark.slow

@@ -315,7 +315,7 @@ def coverage(
     """See how often a stated uncertainty covers the true error, and how far it is from it.
 
     Scenes with exact solutions, exact modes and references, and COUNT that are drawn, by every method on a
-    ladder of meshes: some two minutes a scene.  Exit code 1 where more than one uncertainty in twenty is too small.
+    ladder of meshes: some two minutes a scene.  Exit code 1 where more than one in twenty is too small.
     """
     from datetime import date
 
