@@ -58,3 +58,13 @@ def test_balance_residual_is_the_schemes_own():
     after = (before + dt * cell_area) / (1 + dt)
     assert balance_residual(dt, 1.0, before, after, cell_area, 0.0) == pytest.approx(0, abs=1e-16)
     assert balance_residual(dt, 1.0, before, after * (1 + 1e-9), cell_area, 0.0) > 1e-10
+
+
+def test_a_cell_all_but_three_points_of_whose_rim_have_come_together_ends_no_run():
+    """Equations singular to the last bit: the polarity is a ratio, or not known."""
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        points = 10.0 ** random.uniform(-9, -3) * CIRCLE.repeat(2, axis=1)
+        points[:, :3] = random.normal(size=(2, 3)) * np.array([[1.0], [10.0 ** random.uniform(-2, 0)]])
+        found = polarity(points)
+        assert np.isnan(found) or 0 <= found <= 1

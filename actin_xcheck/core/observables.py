@@ -1,5 +1,6 @@
 """What is measured on a state, the same for every method."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +73,8 @@ def polarity(points: Array) -> float:
     The index of polarity of section 5.3.1.  The ellipse {y : |A y + b| <= 1} maximises log det A; a
     log-barrier Newton method in its five unknowns follows the central path until the duality gap is below
     1e-11.  It has nothing to do where all points lie on the ellipse of their covariance, which then is the
-    smallest one (John's theorem, with equal weights): a round cell is measured a hundred times faster.
+    smallest one (John's theorem, with equal weights): a round cell is measured a hundred times faster.  nan
+    where round-off hides it: of a cell all but a few points of whose rim have come together.
     """
     points = points - points.mean(axis=1, keepdims=True)
     scale = np.hypot(*points).max()
@@ -84,6 +86,23 @@ def polarity(points: Array) -> float:
         return 0.0
     if np.ptp(((axes.T @ y) ** 2).T @ (1 / squares)) < 1e-11:
         return float(np.sqrt(squares[0] / squares[1]))
+    with suppress(np.linalg.LinAlgError):
+        return _ratio(_smallest(y))
+    with suppress(np.linalg.LinAlgError):  # few points hold it: among points of a round cell they are easier
+        rounding = (axes / np.sqrt(squares)).T
+        z = rounding @ y
+        return _ratio(_smallest(z / np.hypot(*z).max()) @ rounding)
+    return float("nan")
+
+
+def _ratio(stretch: Array) -> float:
+    """Of the axes of the ellipse that a matrix (2, 2) takes to a circle."""
+    lengths = np.linalg.svd(stretch, compute_uv=False)
+    return float(lengths[1] / lengths[0])
+
+
+def _smallest(y: Array) -> Array:
+    """A (2, 2) of the smallest ellipse {y : |A y + b| <= 1} around points (2, n) of the unit disk."""
     # A = [[p, q], [q, r]], residual A y + b is linear in s = (p, q, r, b1, b2)
     zero, one = np.zeros(y.shape[1]), np.ones(y.shape[1])
     row1 = np.array([y[0], y[1], zero, one, zero])
@@ -93,8 +112,7 @@ def polarity(points: Array) -> float:
     while (gap := y.shape[1] / weight) > 1e-12:
         s = _centre(s, row1, row2, weight, tolerance=1e-8 if gap < 1e-10 else 0.5)
         weight *= 30.0
-    axes = 1 / np.linalg.eigvalsh(np.array([[s[0], s[1]], [s[1], s[2]]]))
-    return float(axes.min() / axes.max())
+    return np.array([[s[0], s[1]], [s[1], s[2]]])
 
 
 def _centre(s: Array, row1: Array, row2: Array, weight: float, tolerance: float) -> Array:
