@@ -1,13 +1,14 @@
 """Accuracy on demand: what is delivered is as good as asked, and the estimate never flatters."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from actin_xcheck.cli.app import main
 from actin_xcheck.core.errors import Ending, Outcome
-from actin_xcheck.runs.accuracy import change, deliver, estimated
+from actin_xcheck.runs.accuracy import LEVELS, change, deliver, estimated
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
@@ -110,6 +111,12 @@ def test_an_estimate_keeps_above_the_error_where_waves_are_hardly_resolved(tmp_p
     assert error <= reached.estimate <= 3e-2
 
 
+def test_no_level_is_much_larger_than_the_one_before():
+    """An accuracy that is missed by a little must not cost a multiple of what was run already."""
+    nodes = [4**level.refine * level.method.space**2 for level in LEVELS]
+    assert all(1 < larger / smaller < 3 for smaller, larger in pairwise(nodes))
+
+
 @pytest.mark.slow
 def test_steps_are_no_finer_than_the_accuracy_needs(tmp_path):
     """What short waves leave in space is a hundred times what steps leave: levels must not refine both."""
@@ -122,8 +129,9 @@ def test_steps_are_no_finer_than_the_accuracy_needs(tmp_path):
     )
     reached = deliver(lopsided, 1e-3, tmp_path / "run.vtkhdf", "")
     assert reached.level.rtol >= 3e-5
+    assert reached.level.refine == 2
     fine = tmp_path / "fine.vtkhdf"
-    assert run(lopsided, Numerics(reached.level.method, 4, 1.0, 1e-5), fine).ok
+    assert run(lopsided, Numerics(reached.level.method, 3, 1.0, 1e-6), fine).ok
     error = change(read_run(tmp_path / "run.vtkhdf"), read_run(fine), lopsided.output_times)
     assert error <= reached.estimate <= 1e-3
 

@@ -60,10 +60,12 @@ LEVELS = (
     AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 3e-5, 0.4),
     AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1.5e-6, 0.25),
     AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.25),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 3, 1e-7, 6e-8, BOTH),
     AccuracyLevel(METHODS["fem-p8-imex5"], 3, 1e-8, 1e-8, 0.25),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 4, 1e-8, 1e-8, BOTH),
     AccuracyLevel(METHODS["fem-p8-imex5"], 4, 1e-9, 1e-9, 0.25),
 )
-"""Errors fall tenfold or more from one level to the next where a scene is smooth."""
+"""Where a scene is smooth errors fall tenfold or more with the degree; where it is not, with the cells."""
 
 LEVELS_ON_A_RAY = tuple(
     AccuracyLevel(METHODS["fem-p4-imex4"], refine, math.nan, 0.0, SHARE) for refine in (2, 3, 4, 5)
@@ -216,7 +218,7 @@ class _Climb:
     def _find_tolerance(self, level: AccuracyLevel) -> None:
         """Tighten the tolerance on a coarse level until steps use up their part of the accuracy."""
         self.rtol = min(LOOSEST, self.accuracy)
-        _, now = self.solve(level, self.rtol, COARSE)
+        now = self.runs[level.method.name, level.refine]
         while True:
             outcome, better = self.solve(level, _finer(self.rtol), FINE)
             if not outcome.ok:
