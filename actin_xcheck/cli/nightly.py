@@ -96,8 +96,9 @@ def spend(
     from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.core.files import replace_file
     from actin_xcheck.nightly.carry_out import carry_through
-    from actin_xcheck.nightly.dashboard import junit, write_dashboard, write_night_page, write_scene_pages
+    from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
     from actin_xcheck.nightly.plan import begun
+    from actin_xcheck.nightly.record import junit
     from actin_xcheck.runs.provenance import reference_kernel
 
     seconds = kernel or float(reference_kernel()[0])

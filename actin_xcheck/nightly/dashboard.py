@@ -1,10 +1,8 @@
-"""The pages of the nights: one for each, from its own file, one over all, from the history; and JUnit XML."""
+"""The pages of the nights: one for each, from its own file, and one over all, from the history."""
 
-import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +11,7 @@ from jinja2 import Environment
 from markupsafe import Markup
 
 from actin_xcheck.core.claim import Claim
-from actin_xcheck.core.errors import LONGEST, UserError, brief
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.changes import events
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
 from actin_xcheck.nightly.history import Counted, JudgedNumber, Series, read_claims, read_nights, read_series
@@ -22,7 +20,6 @@ from actin_xcheck.nightly.record import (
     FILE_NAME,
     Done,
     Kept,
-    NotRun,
     NumberKind,
     nights_in,
     read_night,
@@ -118,7 +115,7 @@ def write_night_page(folder: Path) -> Path:
     text = _environment(folder).get_template("night.html").render(
         night=night,
         begun=night.begun,
-        groups=list(groups.items()),
+        groups=groups,
         lights=[
             _Light(group, Counter(row.claim.verdict for row in ours))
             for group, ours in groups.items()
@@ -224,13 +221,8 @@ def write_dashboard(reports: Path) -> Path:
 
 def _environment(folder: Path) -> Environment:
     made = environment(folder)
-    made.filters |= {"lights": lights, "commit": short, "state": lambda claim: _dashed(claim.verdict)}
+    made.filters |= {"lights": lights, "commit": short}
     return made
-
-
-def _dashed(verdict: str) -> str:
-    """A verdict as in the style sheet."""
-    return verdict.lower().replace(" ", "-")
 
 
 def _lights(shown: Mapping[str, Mapping[str, JudgedNumber]]) -> list[_Light]:
@@ -357,50 +349,3 @@ def _drawing(kind: str, width: int, said: str, drawn: Sequence[str]) -> Markup:
         f'<svg class="{kind}" role="img" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '
         f'aria-label="{escape(said)}">{"".join(drawn)}</svg>'
     )
-
-
-def junit(night: Kept) -> bytes:
-    """Return a night as JUnit XML for continuous integration: a suite per check, a case per claim.
-
-    Claims that nobody judges and checks that were not run are skipped.
-    """
-    from junitparser import JUnitXml, TestSuite
-
-    whole, document = JUnitXml(f"actin_xcheck {night.begun.name}"), BytesIO()
-    checks: tuple[Done | NotRun, ...] = (*night.done, *night.left_out)
-    for one in checks:
-        suite = TestSuite(one.name)
-        suite.timestamp, suite.hostname = (
-            night.begun.date[:19],
-            getattr(one, "host", "") or night.begun.machine,
-        )
-        suite.add_testcases(list(_cases(one)))
-        if isinstance(one, Done) and math.isfinite(one.seconds):  # of a lost process nobody knows
-            suite.time = round(one.seconds, 3)
-        whole.append(suite)
-    for what in ("tests", "failures", "errors", "skipped"):
-        setattr(whole, what, sum(getattr(suite, what) for suite in whole))
-    whole.time = round(night.seconds, 3)
-    whole.write(document, pretty=True)
-    return document.getvalue()
-
-
-def _cases(one: Done | NotRun) -> Iterator[Any]:
-    from junitparser import Error, Failure, Skipped, TestCase
-
-    if isinstance(one, NotRun):
-        case = TestCase("is run", classname=one.name)
-        case.result = Skipped(brief(one.why, LONGEST))
-        yield case
-        return
-    for claim, file in zip(one.claims, one.files, strict=True):
-        case = TestCase(claim.key, classname=one.name)
-        if one.trouble:
-            case.result = Error(one.trouble, "trouble")
-        elif claim.verdict == "FAIL":
-            case.result = failure = Failure(claim.excess, "claim")
-            said = claim.statement, claim.note, claim.command, f"{file}{claim.path}"
-            failure.text = "\n".join(brief(part, LONGEST) for part in said)  # what is no letter is no XML
-        elif claim.verdict == "NOT JUDGED":
-            case.result = Skipped(f"{claim.value:.3g}, no bound")
-        yield case

@@ -1,7 +1,8 @@
 """A night and its numbers: what it set out to do, what became of its checks, and the file that says so.
 
 `night.jsonl` holds a line for what was begun, one for every check that is over, and one that closes it; while
-a night goes on its answers are in the journal beside it, like those of a study.
+a night goes on its answers are in the journal beside it, like those of a study.  JUnit XML says the same to
+those who read that.
 """
 
 import json
@@ -9,11 +10,12 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from actin_xcheck.core.claim import Claim, claim_of
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.studies import journal
 
@@ -308,3 +310,50 @@ def _done(said: dict[str, Any]) -> Done:
         | {name: tuple(values) for name, values in lists.items()}
         | {"seconds": number(said["seconds"])}
     )
+
+
+def junit(night: Kept) -> bytes:
+    """Return a night as JUnit XML for continuous integration: a suite per check, a case per claim.
+
+    Claims that nobody judges and checks that were not run are skipped.
+    """
+    from junitparser import JUnitXml, TestSuite
+
+    whole, document = JUnitXml(f"actin_xcheck {night.begun.name}"), BytesIO()
+    checks: tuple[Done | NotRun, ...] = (*night.done, *night.left_out)
+    for one in checks:
+        suite = TestSuite(one.name)
+        suite.timestamp, suite.hostname = (
+            night.begun.date[:19],
+            getattr(one, "host", "") or night.begun.machine,
+        )
+        suite.add_testcases(list(_cases(one)))
+        if isinstance(one, Done) and math.isfinite(one.seconds):  # of a lost process nobody knows
+            suite.time = round(one.seconds, 3)
+        whole.append(suite)
+    for what in ("tests", "failures", "errors", "skipped"):
+        setattr(whole, what, sum(getattr(suite, what) for suite in whole))
+    whole.time = round(night.seconds, 3)
+    whole.write(document, pretty=True)
+    return document.getvalue()
+
+
+def _cases(one: Done | NotRun) -> Iterator[Any]:
+    from junitparser import Error, Failure, Skipped, TestCase
+
+    if isinstance(one, NotRun):
+        case = TestCase("is run", classname=one.name)
+        case.result = Skipped(brief(one.why, LONGEST))
+        yield case
+        return
+    for claim, file in zip(one.claims, one.files, strict=True):
+        case = TestCase(claim.key, classname=one.name)
+        if one.trouble:
+            case.result = Error(one.trouble, "trouble")
+        elif claim.verdict == "FAIL":
+            case.result = failure = Failure(claim.excess, "claim")
+            said = claim.statement, claim.note, claim.command, f"{file}{claim.path}"
+            failure.text = "\n".join(brief(part, LONGEST) for part in said)  # what is no letter is no XML
+        elif claim.verdict == "NOT JUDGED":
+            case.result = Skipped(f"{claim.value:.3g}, no bound")
+        yield case

@@ -29,7 +29,8 @@ from actin_xcheck.runs.store import reading
 def environment(folder: Path) -> Environment:
     """Return the environment of a page that will stand in `folder`: escapes everything, defaults nothing.
 
-    Filters: `number` (three digits), `link` (a path relative to the page), `from_json`.
+    Filters: `number` (three digits), `link` (a path relative to the page), `from_json`, `state` (of a
+    verdict in the style sheet).
     Functions: `static` (the text of a script or style sheet of ours, for it is part of the page), `packed` (a
     library's, by gzip and in base64, for it would be most of the page).
     """
@@ -43,6 +44,7 @@ def environment(folder: Path) -> Environment:
     made.filters["number"] = lambda value: f"{value:.3g}" if math.isfinite(value) else "no number"
     made.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
     made.filters["from_json"] = json.loads
+    made.filters["state"] = lambda verdict: verdict.lower().replace(" ", "-")
     made.globals |= {"static": _static, "packed": _packed}
     return made
 
@@ -65,6 +67,9 @@ def put_page(folder: Path, text: str) -> Path:
     replace_file(page, text.encode("utf-8"))
     return page
 
+
+PROVENANCE = ("provenance", "Provenance")
+"""The last part of most pages: its anchor and its title."""
 
 _SCORE = re.compile(r"\d+ of \d+")
 """What a title may begin with, and the page is coloured by."""
@@ -94,6 +99,11 @@ class Shown:
     columns: tuple[Column, ...]
     rows: tuple[tuple[str, ...], ...]
 
+    @property
+    def heads(self) -> list[str]:
+        """The titles of its columns, as the template's `board` takes them."""
+        return ["#" * one.numeric + one.title for one in self.columns]
+
 
 def write_page(path: Path) -> Path:
     """Write `index.html` beside the file of a study and return its path.
@@ -107,10 +117,14 @@ def write_page(path: Path) -> Path:
         chapters = read_chapters(file["exhibits"])
         tables = [_shown(name, group) for name, group in file["tables"].items()]
     title = said.pop("title")
+    parts = [("claims", "Claims")] if claims else []
+    parts += ((one.key, one.title) for one in chapters)
+    parts += ((one.name, one.title) for one in tables)
     score = match.group() if (match := _SCORE.match(title)) else ""
     html = environment(path.parent).get_template("study.html")
     text = html.render(
         name=said["study"],
+        parts=[*parts, PROVENANCE],
         score=score,
         title=title[len(score) :],
         lead=said.pop("lead"),

@@ -314,7 +314,7 @@ def write_audit_page(path: Path) -> Path:
     """
     from actin_xcheck.report.draw import Drawing
     from actin_xcheck.report.exhibits import read_chapters
-    from actin_xcheck.report.page import drawn, environment, put_page
+    from actin_xcheck.report.page import PROVENANCE, drawn, environment, put_page
 
     with reading(path, "audit") as file:
         attributes = {
@@ -322,15 +322,17 @@ def write_audit_page(path: Path) -> Path:
         }
         entries = read_table(file["tables/rows"], AuditEntry)
         drawings = {chapter.key: shown for chapter, shown in drawn(read_chapters(file["exhibits"]))}
-    parts: dict[str, list[tuple[AuditEntry, list[Drawing]]]] = {title: [] for title in _PARTS.values()}
+    kinds: dict[str, list[tuple[AuditEntry, list[Drawing]]]] = {title: [] for title in _PARTS.values()}
     for entry in entries:
-        part = next(title for start, title in _PARTS.items() if entry.key.startswith(start))
-        parts[part].append((entry, drawings.get(entry.key, [])))
+        kind = next(title for start, title in _PARTS.items() if entry.key.startswith(start))
+        kinds[kind].append((entry, drawings.get(entry.key, [])))
+    kinds = {title: rows for title, rows in kinds.items() if rows}
     found = Counter(entry.judgement for entry in entries)
     html = environment(path.parent).get_template("audit.html")
     text = html.render(
         attributes=attributes,
-        parts={title: rows for title, rows in parts.items() if rows},
+        kinds=kinds,
+        parts=[*((title.lower(), title) for title in kinds), PROVENANCE],
         counts=[(judgement, found[judgement]) for judgement in Judgement if found[judgement]],
         total=len(entries),
         file=path,
