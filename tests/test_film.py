@@ -1,5 +1,6 @@
 """The film on a comparison's page, in a browser from file://: what is packed, what is clicked."""
 
+import gzip
 import json
 import re
 from base64 import b64decode
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from actin_xcheck.report.film import STEPS, _Store, film_data, film_strip
+from actin_xcheck.report.film import STEPS, _Store, common_times, film_data, film_strip
 from actin_xcheck.runs.store import Run
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
@@ -29,11 +30,20 @@ def page(page_of: Callable[[str], Path]) -> Path:
 
 @pytest.fixture
 def film(tab: Page, page: Path) -> Page:
-    """The page just opened; a canvas is as large as its place a moment after it is shown."""
-    tab.goto(page.as_uri())
-    sized = "one => one.width === Math.round(one.clientWidth * devicePixelRatio)"
-    tab.wait_for_function(f"[...document.querySelectorAll('canvas')].every({sized})")
+    """The page just opened, its films at their first frames."""
+    opened(tab, page)
+    tab.evaluate(
+        "document.querySelectorAll('.player input[type=range]').forEach(one => "
+        "{ one.value = 0; one.dispatchEvent(new Event('input')) })"
+    )
     return tab
+
+
+def opened(tab: Page, page: Path) -> None:
+    """Open the page; a canvas is as large as its place a moment after it is shown."""
+    tab.goto(page.as_uri())
+    sized = "one => one.width > 0 && one.width === Math.round(one.clientWidth * devicePixelRatio)"
+    tab.wait_for_function(f"[...document.querySelectorAll('canvas')].every({sized})")
 
 
 def runs_of(page: Path, scene: str) -> list[Run]:
@@ -51,8 +61,20 @@ def text(tab: Page, selector: str, film: str = FILM) -> str:
     return tab.evaluate(f"{film}.querySelector({selector!r}).textContent")
 
 
+def arrays(data: dict) -> list[np.ndarray]:
+    """Words of all arrays: differences to those of the last one as long, low bytes before high ones."""
+    raw = np.frombuffer(gzip.decompress(b64decode(data["arrays"]["packed"])), np.uint8).astype(np.uint16)
+    found, last, at = [], {}, 0
+    for n in data["arrays"]["words"]:
+        words = raw[at : at + n] + 256 * raw[at + n : at + 2 * n] + last.get(n, np.zeros(n, np.uint16))
+        found.append(words)
+        last[n], at = words, at + 2 * n
+    assert at == len(raw)
+    return found
+
+
 def unpacked(data: dict, at: int, low: float, high: float) -> np.ndarray:
-    numbers = np.frombuffer(b64decode(data["arrays"][at]), "<u2").astype(float)
+    numbers = arrays(data)[at].astype(float)
     return np.where(numbers > STEPS, np.nan, low + (high - low) * numbers / STEPS)
 
 
@@ -75,7 +97,23 @@ def test_what_is_packed_is_what_is_stored(page: Path) -> None:
         width = apart["high"] - apart["low"]
         assert np.abs(unpacked(data, **apart) - difference).max() <= 0.5001 * width / STEPS + 1e-15
     assert fem["triangles"] == fv["triangles"]  # packed once
-    assert len(set(data["arrays"])) == len(data["arrays"])
+    assert len({one.tobytes() for one in arrays(data)}) == len(arrays(data))
+
+
+def test_times_of_a_film_are_those_that_all_runs_have_which_come_so_far(page: Path) -> None:
+    run = runs_of(page, "fig14")[0]
+    every, some, early = (
+        replace(run, times=np.array(times)) for times in ((0, 1, 2, 4), (0, 2, 3, 4), (0, 1))
+    )
+    assert common_times([every, some]) == [0, 2, 4]
+    assert common_times([every, early]) == [0, 1, 2, 4]
+    assert common_times([some, early]) == [0, 1, 2, 3, 4]  # the last picture of each is shown
+
+
+def test_a_film_opens_at_the_last_time_that_all_runs_reach(tab: Page, page: Path) -> None:
+    opened(tab, page)
+    assert text(tab, ".time") == "t = 0.1636"
+    assert text(tab, ".time", LAST) == "t = 0.1"
 
 
 def test_what_is_no_number_is_packed_as_none(page: Path) -> None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from actin_xcheck.cli.app import main
+from actin_xcheck.studies.compare import read_comparison
+from actin_xcheck.studies.compare_page import differences
 from actin_xcheck.verdicts.final import FinalValue, in_a_sentence
 from actin_xcheck.verdicts.triangulate import Corner
 
@@ -77,5 +79,24 @@ def test_a_comparison_says_values_first_in_terminal_page_and_json(tmp_path, monk
     for one in area.values():
         assert abs(one["value"] - np.pi) <= one["uncertainty"]
         assert 1.5 < one["observed_order"] < 2.5 if one["observed_order"] else True
+    comparison = read_comparison(tmp_path / "c/compare.h5")
+    far = {(one.quantity, one.name): one for one in comparison.apart if one.time == 0.5}
+    by = {one.quantity: one for one in comparison.finals}
+    assert len(far) == 4  # two integrals, by another code and by theory
+    for (quantity, name), one in far.items():
+        first, *others = by[quantity].corners
+        other = others[name == "exact solution"]
+        assert one.value == other.value - first.value
+        assert one.uncertainty == other.uncertainty + first.uncertainty
+    first = comparison.runs["static-decay/fem-p1-imex2"]
+    assert len(first.times) >= 5  # a step every 0.1: a film has more than the output time
+    shown = differences(comparison.apart, list(comparison.runs.values()))
+    assert [one.title.split(",")[0] for one in shown] == ["Area", "Total actin"]
+    for one in shown:
+        line, points, exact, _ = one.figure["data"]
+        assert len(line["x"]) == len(first.series["time"])
+        assert (points["name"], exact["name"]) == ("fv", "exact solution")
+        assert points["error_y"]["array"][-1] > 0
     page = (tmp_path / "c/index.html").read_text()
+    assert "Area, less that of fem-p1-imex2" in page
     assert page.index("believe") < page.index("Verdict") < page.index("What it comes to")

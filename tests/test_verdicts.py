@@ -7,6 +7,8 @@ import pytest
 import typer
 
 from actin_xcheck.cli.studies import compare
+from actin_xcheck.core.claim import ClaimKind
+from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
@@ -241,6 +243,40 @@ def test_where_there_is_nothing_to_compare_that_is_what_is_said(still):
     assert claim.note == "value: none, for there is nothing to compare"
 
 
+def test_a_run_that_must_end_holds_where_it_ends_so_and_then(still):
+    must = '\n[expect]\nends = "tangled"\nat = 0.05\nwithin = 0.01'
+    scene = parse_scene(SCENE.format("[1.0, 1.0]") + must, "still.toml")
+    t = still.series["time"]
+
+    def ends(outcome, last):
+        series = {name: values[t <= last] for name, values in still.series.items()}
+        attributes = still.attributes | {"outcome": outcome, "message": "because"}
+        claims = judge(scene, {FEM: replace(still, series=series, attributes=attributes)})
+        return next(one for one in claims if one.kind is ClaimKind.ENDS)
+
+    held = ends("tangled", 0.05)
+    assert (held.verdict, held.value) == ("PASS", pytest.approx(0, abs=1e-12))
+    assert held.statement == "ends at t = 0.05 ± 0.01 as tangled"
+    assert ends("tangled", 0.08).value == pytest.approx(0.03)
+    assert [ends(*one).verdict for one in (("tangled", 0.08), ("non_finite", 0.05), ("completed", 1.0))] == [
+        "FAIL"
+    ] * 3
+    assert scene.times_before_it_ends == ()
+
+
+@pytest.mark.parametrize(
+    ("lines", "key"),
+    [
+        ('ends = "tangled"', "expect.at = None"),
+        ("at = 0.1\nwithin = 0.1", "expect.ends = None"),
+        ('ends = "completed"\nat = 0.1\nwithin = 0.1', "should be a way to fail"),
+    ],
+)
+def test_how_a_run_must_end_is_said_whole(lines, key):
+    with pytest.raises(UserError, match=key):
+        parse_scene(SCENE.format("[1.0, 1.0]") + f"\n[expect]\n{lines}", "still.toml")
+
+
 @pytest.mark.parametrize(
     ("area", "unit"), [("3.14", 1e-2), ("3.1400", 1e-4), ("3", 1), ("3.14159265358979", 1e-9)]
 )
@@ -269,7 +305,12 @@ def test_a_run_that_is_far_off_is_no_success_though_all_its_claims_hold(tmp_path
     off = 100 * abs(area / 3.6451677458 - 1)
     words = f"fig14-four-fronts: area {area:.6f} of no uncertainty, reference to {off:.2g} %"
     assert words in said
-    assert "2.8 %: believe 1 digit\n6 of 6 claims hold" in said
+    assert (
+        "2.8 %: believe 1 digit\n6 of 6 claims hold at this resolution; known to worse than 1 %: fig14"
+        in said
+    )
+    assert f"area to {100 * found.area:.2g} %" in said
+    assert f"Known to worse than 1 %: fig14-four-fronts (area to {100 * found.area:.2g} %" in page.words
     assert words in " ".join(page.text.split())
     assert page.attributes("h1", "class") == ["unsure"]
 
@@ -280,6 +321,7 @@ def test_two_codes_that_know_it_well_are_one(tmp_path, capsys):
     assert found.is_well
     assert "the codes agree to round-off, exact solution to" in said
     assert page.attributes("h1", "class") == ["pass"]
+    assert "known to worse" not in f"{said} {page.words}"
 
 
 def test_one_code_without_theory_knows_nothing(tmp_path, capsys):

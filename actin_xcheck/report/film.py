@@ -1,10 +1,11 @@
 """Films of the deforming cell: strips, a row per method and per difference of codes, and a player's data.
 
 What the player on a page is given are positions and values of every stored frame, packed for a script: as
-16-bit integers between two stated ends, 65535 for what is no number, little-endian and in base64; what is the
-same at several times or in several runs is packed once.  `static/film.js` draws them.
+16-bit integers between two stated ends, 65535 for what is no number; what is the same at several times or in
+several runs is packed once.  All of them together are compressed.  `static/film.js` draws them.
 """
 
+import gzip
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,8 +99,11 @@ Shot = tuple[Array, Array] | None
 
 
 def common_times(runs: Sequence[Run]) -> list[float]:
-    """All output times that any of the runs has."""
-    return [float(t) for t in np.unique(np.concatenate([run.times for run in runs]).round(9))]
+    """The times that all runs have which come that far, and the last one of each."""
+    times = [run.times.round(9) for run in runs]
+    every = np.unique(np.concatenate(times))
+    last = {float(one[-1]) for one in times if len(one)}
+    return [float(t) for t in every if t in last or all(t in one for one in times if one[-1:] >= t)]
 
 
 def _columns(runs: Sequence[Run], times: Sequence[float]) -> list[int]:
@@ -176,7 +180,7 @@ class _Store:
     """Arrays by their contents."""
 
     def __init__(self) -> None:
-        self.packed: list[str] = []
+        self.arrays: list[NDArray[np.uint16]] = []
         self._known: dict[bytes, int] = {}
 
     def keep(self, numbers: NDArray[np.integer[Any]]) -> int:
@@ -184,9 +188,28 @@ class _Store:
         wide = "<u4" if numbers.size and numbers.max() > STEPS + 1 else "<u2"
         raw = np.ascontiguousarray(numbers, wide).tobytes()
         if raw not in self._known:
-            self._known[raw] = len(self.packed)
-            self.packed.append(b64encode(raw).decode())
+            self._known[raw] = len(self.arrays)
+            self.arrays.append(np.frombuffer(raw, "<u2"))
         return self._known[raw]
+
+    @property
+    def packed(self) -> dict[str, Any]:
+        """How many 16-bit words each array has, and all of them by gzip in base64.
+
+        Words are differences to those of the last array as long, for frames differ little from one to the
+        next; of each array all low bytes come before all high ones, which are mostly alike.
+        """
+        last: dict[int, NDArray[np.uint16]] = {}
+        parts: list[NDArray[np.uint8]] = []
+        for words in self.arrays:
+            apart = words - last.get(len(words), np.zeros_like(words))
+            last[len(words)] = words
+            parts += [(apart & 255).astype(np.uint8), (apart >> 8).astype(np.uint8)]
+        together = b"".join(part.tobytes() for part in parts)
+        return {
+            "words": [len(words) for words in self.arrays],
+            "packed": b64encode(gzip.compress(together, mtime=0)).decode(),
+        }
 
     def pack(self, values: Array, low: float, high: float) -> int:
         """Return where values stand that lie between two ends."""
@@ -214,7 +237,8 @@ def film_data(runs: Sequence[Run], strip: FilmStrip) -> dict[str, Any]:
 
     Returns
     -------
-    dict : `times`; `window` (left, bottom, right, top); `scale` and `colours`; `arrays`; and `runs`, each
+    dict : `times`; `window` (left, bottom, right, top); `scale` and `colours`; `arrays`, see `_Store.packed`;
+        and `runs`, each
         with `triangles` (3 n numbers of nodes, k^2 triangles a cell one after the other), `xi`, and `frames`,
         one for each time: `x` (2 N), `a` on triangles and `apart` on cells, cell means less those of the
         first run that has such cells and a frame then; None where a run has no frame.

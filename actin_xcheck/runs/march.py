@@ -214,8 +214,9 @@ class Recorder:
         amplitude: Amplitude | None,
         progress: Progress,
         passing: bool = False,
+        pictures: int = 0,
     ) -> None:
-        self.solver, self.writer, self.passing = solver, writer, passing
+        self.solver, self.writer, self.passing, self.pictures = solver, writer, passing, pictures
         self.amplitude, self.progress, self.step = amplitude, progress, writer.rows
         self.end = scene.output_times[-1]
         points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
@@ -223,7 +224,7 @@ class Recorder:
         self.gauged = scene.physics.closure is Closure.TRACTION_FREE
 
     def record(self, moment: Moment) -> None:
-        """Write one row of the time series, and a frame at an output time."""
+        """Write one row of the time series, and a frame at an output time and where one is due."""
         state = moment.state
         probe_a, probe_x = self.probes(state)
         measured = self.solver.measure(state)
@@ -252,7 +253,8 @@ class Recorder:
         self.writer.record(row)
         self.progress(round(PARTS * state.t / self.end), PARTS)
         self.step += 1
-        if moment.is_output:
+        before, now = (int(self.pictures * t / self.end + 1e-9) for t in (state.t - moment.dt, state.t))
+        if moment.is_output or now > before:
             self.frame(state)
 
     def frame(self, state: State) -> None:

@@ -130,6 +130,7 @@ def run(
     resume: bool = False,
     stop: Callable[[], int] = lambda: 0,
     passing: bool = False,
+    pictures: int = 0,
 ) -> Outcome:
     """Run a scene and store everything about it; return its Outcome, which the file holds too.
 
@@ -145,6 +146,7 @@ def run(
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
     stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
     passing : whether it will be compared and thrown away: without polarity (nan) and checkpoints.
+    pictures : of its film, evenly through its time beside those of the output times, where steps end.
 
     Raises UserError where the file cannot be written, or another process does, or `resume` finds another run.
     """
@@ -161,7 +163,7 @@ def run(
         amplitude = amplitude_of(scene, numerics, solver)
         delta, grid = scene.physics.delta_on_cells(solver.mesh.centroids), solver.grid
         with RunWriter(path, grid.xi, grid.cells, delta, attributes, goes_on) as writer:
-            recorder = Recorder(scene, solver, writer, amplitude, progress, passing)
+            recorder = Recorder(scene, solver, writer, amplitude, progress, passing, pictures)
             begin = taken_up(solver, writer) if goes_on else None
             march = March(solver, numerics, scene.output_times, begin)
             keeper = Keeper(solver, writer, math.inf if passing else began, stop)

@@ -217,6 +217,13 @@ class Scene(TomlTable):
         return kept if kept and kept[-1] == self.time.end else (*kept, self.time.end)
 
     @property
+    def times_before_it_ends(self) -> tuple[float, ...]:
+        """The output times, those alone that are before a run must end where that is expected."""
+        expected = self.expect
+        last = expected.at - expected.within if expected.at and expected.within else np.inf
+        return tuple(t for t in self.output_times if t <= last)
+
+    @property
     def citation(self) -> str:
         """Where the scene comes from."""
         return self.source.citation

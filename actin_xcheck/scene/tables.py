@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
 from actin_xcheck.scene.expression import Expression, coordinates
@@ -376,9 +377,24 @@ class Agreement(TomlTable):
 
 
 class Expect(TomlTable):
-    """`[expect]`: what the scene is checked against."""
+    """`[expect]`: what the scene is checked against.
+
+    `ends` is how every run must end, `at` when, and `within` by how much that may be off.
+    """
 
     exact: Exact | None = None
     growth_rate: GrowthRate | None = None
     reference: References | None = None
     agreement: Agreement | None = None
+    ends: Annotated[Ending | None, Field(strict=False)] = None
+    at: Positive | None = None
+    within: Positive | None = None
+
+    @model_validator(mode="after")
+    def _says_how_it_ends(self) -> Self:
+        if len({self.ends is None, self.at is None, self.within is None}) > 1:
+            missing = next(name for name in ("ends", "at", "within") if getattr(self, name) is None)
+            raise mistake(missing, None, "should stand where one of ends, at and within does")
+        if self.ends in (Ending.COMPLETED, Ending.INTERRUPTED):
+            raise mistake("ends", str(self.ends), "should be a way to fail, as singular_dilation")
+        return self

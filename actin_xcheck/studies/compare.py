@@ -17,7 +17,7 @@ from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Ran, Stored, companions_of
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
-from actin_xcheck.verdicts.final import FinalValue, final_values, in_a_sentence
+from actin_xcheck.verdicts.final import Apart, FinalValue, apart, final_values, in_a_sentence, known_badly
 from actin_xcheck.verdicts.judge import KnownTo, again, judge, known_to
 from actin_xcheck.verdicts.localise import Parting, localise, parted
 from actin_xcheck.verdicts.triangulate import Levels, Triangle, triangulate
@@ -37,6 +37,9 @@ ARTICLES_METHODS = ("fem-p1-paper", "fv-paper")
 
 DEFAULT_REFINE = 5
 """2113 nodes for every scene: a comparison is over in about a minute."""
+
+PICTURES = 20
+"""Of a film, about."""
 
 JUDGED = 0.5
 """Seconds in which the runs of a scene are judged, about."""
@@ -59,13 +62,15 @@ def compare(jobs: Sequence[Stored]) -> Study:
     runs += lent
     claims = tuple(claim for one in found for claim in one.claims)
     finals = [one for each in found for one in each.finals]
+    badly = known_badly([one.known for one in found], finals)
     return Report(
-        counted(claims, "claims hold"),
+        counted(claims, f"claims hold at this resolution; {badly}" if badly else "claims hold"),
         _LEAD,
         {
             "finals": Table(
                 "What the scenes come to", finals, "At the last output time that all runs reach."
             ),
+            "apart": Table("How far apart", [one for each in found for one in each.apart], _APART),
             "runs": Table("Runs", runs, _RUNS),
             "triangles": Table("Which corner is off?", [one for each in found for one in each.triangles]),
             "partings": Table("Where do they part?", [one for each in partings for one in each.partings]),
@@ -136,7 +141,7 @@ def jobs_of(
             file = f"{scene.name}--{method.name}.vtkhdf"
             tolerance = rtol if method.adaptive else None
             numerics = Numerics(method, refine or DEFAULT_REFINE, step, tolerance)
-            jobs.append(Stored(scene, numerics, file))
+            jobs.append(Stored(scene, numerics, file, pictures=PICTURES))
     return jobs
 
 
@@ -179,6 +184,7 @@ class JudgedScene:
     known: KnownTo
     parted: tuple[tuple[str, str], ...] = ()
     finals: tuple[FinalValue, ...] = ()
+    apart: tuple[Apart, ...] = ()
 
 
 def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> JudgedScene:
@@ -194,6 +200,7 @@ def judged(asked: Sequence[Sequence[Stored]], folder: Path) -> JudgedScene:
         triangles=tuple(triangles),
         known=known_to(scene, levels),
         finals=tuple(final_values(scene, levels)),
+        apart=tuple(apart(scene, levels)),
         parted=tuple(parted(triangles)),
     )
 
@@ -266,7 +273,7 @@ class Comparison:
     path, attributes : its file, and what that states about the whole.
     claims : what was judged.
     runs : those that were asked for, by "scene/method".
-    triangles, partings, known, finals : see `Judged` and `Localised`, of all scenes.
+    triangles, partings, known, finals, apart : see `JudgedScene` and `Localised`, of all scenes.
     """
 
     path: Path
@@ -277,6 +284,7 @@ class Comparison:
     partings: tuple[Parting, ...]
     known: tuple[KnownTo, ...]
     finals: tuple[FinalValue, ...]
+    apart: tuple[Apart, ...]
 
 
 def read_comparison(path: Path) -> Comparison:
@@ -291,6 +299,7 @@ def read_comparison(path: Path) -> Comparison:
         # comparisons that were made before they had these tables have none
         partings = read_table(file["tables/partings"], Parting) if "tables/partings" in file else []
         finals = read_table(file["tables/finals"], FinalValue) if "tables/finals" in file else []
+        far = read_table(file["tables/apart"], Apart) if "tables/apart" in file else []
         known = read_table(file["tables/known_to"], KnownTo)
         links = {
             f"{row.scene}/{row.method}": file.get(row.place, getlink=True).filename
@@ -311,8 +320,13 @@ def read_comparison(path: Path) -> Comparison:
         partings=tuple(partings),
         known=tuple(known),
         finals=tuple(finals),
+        apart=tuple(far),
     )
 
+
+_APART = (
+    "Integrals by each code and by theory, less those by the first code, and the sum of both uncertainties."
+)
 
 _LEAD = (
     "The moving-cell model of George, Stéphanou and Madzvamuse, “Mathematical modelling and numerical "

@@ -20,7 +20,7 @@ from actin_xcheck.report.page import environment, put_page
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare import Comparison, read_comparison
-from actin_xcheck.verdicts.final import FinalValue, in_a_sentence, percent
+from actin_xcheck.verdicts.final import Apart, FinalValue, in_a_sentence, known_badly, percent
 from actin_xcheck.verdicts.localise import Parting
 from actin_xcheck.verdicts.triangulate import Corner, Triangle, in_digits
 
@@ -86,7 +86,7 @@ def write_comparison_page(path: Path) -> Path:
     comparison = read_comparison(path)
     html = environment(path.parent).get_template("page.html")
     text = html.render(
-        known=comparison.known,
+        badly=known_badly(comparison.known, comparison.finals),
         matrix=_matrix(comparison),
         attributes=comparison.attributes,
         claims=_grouped(comparison),
@@ -133,7 +133,7 @@ def _section(comparison: Comparison, number: int, name: str, runs: Sequence[Run]
         sentence=in_a_sentence(finals),
         values=_values([one for one in finals if not one.quantity.startswith("probe")]),
         at_probes=_values([one for one in finals if one.quantity.startswith("probe")]),
-        charts=tuple(charts(runs)),
+        charts=(*differences([one for one in comparison.apart if one.scene == name], runs), *charts(runs)),
         triangles=tuple(
             (one, _drawn(_triangle(one, numbers), "triangles"))
             for one in comparison.triangles
@@ -272,11 +272,12 @@ def _rank(run: Run) -> int:
 
 
 def _grouped(comparison: Comparison) -> dict[str, list[Claim]]:
-    """Claims by scene, in their order."""
+    """Claims by scene, in their order; scenes of which one fails first."""
     by_scene: dict[str, list[Claim]] = {}
     for claim in comparison.claims:
         by_scene.setdefault(claim.scene, []).append(claim)
-    return by_scene
+    fails = {name: any(one.judged and not one.holds for one in claims) for name, claims in by_scene.items()}
+    return {name: by_scene[name] for name in sorted(by_scene, key=lambda name: not fails[name])}
 
 
 def _versions(comparison: Comparison) -> dict[str, str]:
@@ -335,6 +336,37 @@ def charts(runs: Sequence[Run]) -> list[Drawing]:
     measured = {name for run in runs for name in run.series}
     quantities = [q for q in (_GROWTH, *_QUANTITIES, *_GAUGED) if measured.issuperset(q.series)]
     return [draw(chart(one, runs), f"/run/series/{', '.join(one.series)}") for one in quantities]
+
+
+def differences(apart: Sequence[Apart], runs: Sequence[Run]) -> list[Drawing]:
+    """Return charts of what codes that lie over each other differ by: a chart a quantity.
+
+    Differences of two codes are lines where they have taken the same steps; at output times stand points with
+    bars, the sums of both uncertainties, and what is known without either.
+    """
+    by_name = {run.attributes["method_name"]: (number, run) for number, run in enumerate(runs)}
+    found = []
+    for quantity in dict.fromkeys(one.quantity for one in apart):
+        rows = [one for one in apart if one.quantity == quantity]
+        origin, lines = rows[0].origin, []
+        for name in dict.fromkeys(one.name for one in rows):
+            points = [one for one in rows if one.name == name]
+            number, run = by_name.get(name, (_INK, None))
+            if run and np.array_equal(run.series["time"], (first := by_name[origin][1]).series["time"]):
+                gone = run.series[quantity] - first.series[quantity]
+                lines.append(Line("", run.series["time"], gone, style=number))
+            time, value, spread = (
+                np.array([getattr(one, key) for one in points]) for key in ("time", "value", "uncertainty")
+            )
+            known = {"guide": True, "shape": "x"} if run is None else {"style": number}
+            lines.append(Line(name, time, value, points=True, y_spread=spread, **known))
+        title = f"{quantity.replace('_', ' ').capitalize()}, less that of {origin}"
+        plot = Plot(f"{quantity}-apart", title, _BARS, "t", tuple(lines), levels=(("", 0.0),))
+        found.append(draw(plot, "/tables/apart"))
+    return found
+
+
+_BARS = "bars are sums of both uncertainties"
 
 
 def chart(quantity: _Quantity, runs: Sequence[Run]) -> Plot:

@@ -26,12 +26,14 @@ class Stored:
     file : where it goes, in the study's folder.
     scene_file : where its scene is written for the run's command, in the study's folder; empty for a scene
         that is run as the user names it.
+    pictures : of its film, see `run`.
     """
 
     scene: Scene
     numerics: Numerics
     file: str
     scene_file: str = ""
+    pictures: int = 0
 
     @property
     def seconds(self) -> float:
@@ -58,7 +60,8 @@ def _coarser(job: Stored, times: int) -> Stored:
     dt = max(length / max(round(number), 1) for length, number in zip(intervals, steps, strict=True))
     rtol = None if fine.rtol is None else fine.rtol * growth
     file = f"{job.file.removesuffix('.vtkhdf')}--coarser-{times}.vtkhdf"
-    return replace(job, numerics=replace(fine, refine=fine.refine - times, dt=dt, rtol=rtol), file=file)
+    coarser = replace(fine, refine=fine.refine - times, dt=dt, rtol=rtol)
+    return replace(job, numerics=coarser, file=file, pictures=0)
 
 
 @dataclass(frozen=True)
@@ -81,5 +84,5 @@ def run_stored(job: Stored, folder: Path, progress: Progress = lambda done, tota
         origin = str(scene_path)
     made = job.numerics.command(origin, path.name)
     began = time.perf_counter()
-    outcome = run(job.scene, job.numerics, path, made, progress)
+    outcome = run(job.scene, job.numerics, path, made, progress, pictures=job.pictures)
     return Ran(str(outcome.ending), outcome.message, time.perf_counter() - began)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from actin_xcheck.scene.scene import Scene
+from actin_xcheck.verdicts.judge import WELL, KnownTo
 from actin_xcheck.verdicts.triangulate import Corner, Levels, corners_of, in_digits, times_of
 
 QUANTITIES = ("area", "total_actin", "centroid", "polarity", "probe_a", "probe_x", "growth_rate")
@@ -140,6 +141,64 @@ def final_values(scene: Scene, levels: Sequence[Levels]) -> list[FinalValue]:
         for quantity in QUANTITIES
         for words, corners in corners_of(scene, levels, quantity, times[-1:])
     ]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A number by a code, or by theory, less that of another code at an output time.
+
+    Attributes
+    ----------
+    scene, quantity, time : of what, and when.
+    name, origin : the method, or what theory is called, and the method whose number is taken away.
+    value, uncertainty : the difference, and the sum of both uncertainties (nan where one has none).
+    """
+
+    scene: str
+    quantity: str
+    time: float
+    name: str
+    origin: str
+    value: float
+    uncertainty: float
+
+
+def apart(scene: Scene, levels: Sequence[Levels]) -> list[Apart]:
+    """How far the integrals by each code, and by theory, are from those by the first one, time by time."""
+    origin, *others = (one.method.name for one in levels)
+    found = []
+    for quantity in WHOLE:
+        for t in times_of(scene, levels)[0]:
+            for _, (first, *rest) in corners_of(scene, levels, quantity, [t]):
+                names = [*others, *(one.name for one in rest[len(others) :])]
+                found += [
+                    Apart(
+                        scene=scene.name,
+                        quantity=quantity,
+                        time=t,
+                        name=name,
+                        origin=origin,
+                        value=one.value - first.value,
+                        uncertainty=one.uncertainty + first.uncertainty,
+                    )
+                    for name, one in zip(names, rest, strict=True)
+                ]
+    return found
+
+
+def known_badly(known: Sequence[KnownTo], values: Sequence[FinalValue]) -> str:
+    """What must be said beside a score: of which scenes with values integrals are known to worse than 1 %."""
+    found = []
+    for one in known:
+        badly = {name.replace("_", " "): error for name, error in one.errors.items() if not error <= WELL}
+        if badly and any(value.scene == one.scene for value in values):
+            said = (f"{name} {_to(error)}" for name, error in badly.items())
+            found.append(f"{one.scene} ({', '.join(said)})")
+    return f"known to worse than 1 %: {', '.join(found)}" if found else ""
+
+
+def _to(error: float) -> str:
+    return "not known" if np.isnan(error) else f"to {percent(error)}"
 
 
 def in_a_sentence(values: Sequence[FinalValue]) -> str:

@@ -40,7 +40,7 @@ def judge(scene: Scene, runs: Mapping[str, Run]) -> list[Claim]:
     """Return every claim that can be made about a scene's runs, given by method name."""
     claims = [claim for name, run in runs.items() for claim in _Judge(scene, name, run).claims()]
     for (one, first), (other, second) in combinations(runs.items(), 2):
-        if first.family != second.family:  # one code against the other
+        if first.family != second.family and not scene.expect.ends:  # one code against the other, at the end
             claims += _agreement(scene, (one, first), (other, second))
     return claims
 
@@ -148,15 +148,8 @@ class _Judge:
 
     def claims(self) -> Iterator[Claim]:
         """Yield completion, conservation and whatever the scene's `[expect]` names."""
-        series, end = self.run.series, self.scene.output_times[-1]
-        yield self._claim(
-            kind=ClaimKind.ENDS,
-            statement=f"runs to its end t = {end:g}",
-            value=end - float(series["time"][-1]),
-            bound=0.0,
-            path="run/series/time",
-            note=str(self.run.attributes["message"]) or "value: the time missing at the end",
-        )
+        series = self.run.series
+        yield self._ends()
         yield self._claim(
             kind=ClaimKind.CONSERVATION,
             quantity="total_actin",
@@ -173,6 +166,25 @@ class _Judge:
             yield self._growth()
         if expect.reference is not None:
             yield from self._reference()
+
+    def _ends(self) -> Claim:
+        """That it comes to the end of its time, or ends before as and when that is expected."""
+        expected, end = self.scene.expect, self.scene.output_times[-1]
+        last, said = float(self.run.series["time"][-1]), str(self.run.attributes["message"])
+        statement, value, bound = f"runs to its end t = {end:g}", end - last, 0.0
+        if expected.ends and expected.at and expected.within:
+            statement = f"ends at t = {expected.at:g} ± {expected.within:g} as {expected.ends}"
+            value = abs(last - expected.at) if self.run.attributes["outcome"] == expected.ends else np.nan
+            bound = expected.within
+        note = said or f"value: the time {'to where it must end' if expected.ends else 'missing at the end'}"
+        return self._claim(
+            kind=ClaimKind.ENDS,
+            statement=statement,
+            value=value,
+            bound=bound,
+            path="run/series/time",
+            note=note,
+        )
 
     def _claim(
         self,
@@ -334,8 +346,9 @@ def known_to(scene: Scene, levels: Sequence[Levels]) -> KnownTo:
     """
 
     def worst(quantity: str) -> float:
-        errors = (_integral_error(scene, one, quantity, t) for one in levels for t in scene.output_times)
-        return max(errors, key=lambda error: np.inf if np.isnan(error) else error)
+        times = scene.times_before_it_ends
+        errors = (_integral_error(scene, one, quantity, t) for one in levels for t in times)
+        return max(errors, key=lambda error: np.inf if np.isnan(error) else error, default=np.nan)
 
     return KnownTo(scene.name, worst("area"), worst("total_actin"))
 

@@ -127,6 +127,8 @@ def triangulate(scene: Scene, levels: Sequence[Levels]) -> list[Triangle]:
 def _of_pair(scene: Scene, *pair: Levels) -> Iterator[Triangle]:
     both = pair[0].method.name, pair[1].method.name
     times, ended = times_of(scene, pair)
+    if not (times or scene.times_before_it_ends):
+        return  # there is no time to compare at, as is expected
     if not times:
         sentence = f"no output time was reached by both{ended}"
         yield Triangle(scene.name, both, "area", "nothing to compare", (), np.nan, sentence)

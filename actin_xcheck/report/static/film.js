@@ -1,7 +1,7 @@
 // The film of a scene: two runs and their difference on canvases, from what report/film.py packed.
 "use strict";
 {
-  const STEPS = 65534, INTERVAL = 900, LEVELS = 256, OUTLINE = "#8a8f98";
+  const STEPS = 65534, INTERVAL = 900, WHOLE = 8000, LEVELS = 256, OUTLINE = "#8a8f98";
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
   const short = value => String(Number(value.toPrecision(4))).replaceAll("-", "−");
   const close = (low, high) => high - low < 1e-2 * Math.abs(high) ? 9 : 4;
@@ -31,8 +31,7 @@
     }
 
     integers(at, wide = false) {
-      const { buffer } = Uint8Array.from(atob(this.arrays[at]), letter => letter.charCodeAt(0));
-      return wide ? new Uint32Array(buffer) : new Uint16Array(buffer);
+      return wide ? new Uint32Array(this.arrays[at].slice().buffer) : this.arrays[at];
     }
 
     values({ at, low, high }) {
@@ -195,14 +194,28 @@
     }
   }
 
-  const start = player => {
-    const film = new Film(JSON.parse(document.getElementById(player.dataset.film).textContent));
+  // Words of arrays, from differences to the last one as long: all low bytes of each, then all high ones.
+  const unpacked = async ({ words, packed }) => {
+    const raw = Uint8Array.from(atob(packed), letter => letter.charCodeAt(0)), last = new Map();
+    const bytes = new Uint8Array(await new Response(new Blob([raw]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer());
+    let at = 0;
+    return words.map(n => {
+      const before = last.get(n), found = Uint16Array.from({ length: n }, (_, i) => (before?.[i] ?? 0) + bytes[at + i] + 256 * bytes[at + n + i]);
+      at += 2 * n;
+      last.set(n, found);
+      return found;
+    });
+  };
+
+  const start = async player => {
+    const data = JSON.parse(document.getElementById(player.dataset.film).textContent);
+    const film = new Film({ ...data, arrays: await unpacked(data.arrays) });
     const find = name => player.querySelector(name);
     const [play, slider, told, mesh] = [".play", "input[type=range]", ".time", "input[type=checkbox]"].map(find);
     const selects = [...player.querySelectorAll("select")];
     const panes = [...player.querySelectorAll(".pane")].map((place, i) => new Pane(place, film, film.palettes[i === 2 ? 1 : 0]));
     const bars = [...player.querySelectorAll(".bar")];
-    let place = 0, probe = null, since = null, most = 0;
+    let place = film.times.findLastIndex((_, i) => film.runs.every(run => run.frames[i])), probe = null, since = null, most = 0;
     const chosen = () => selects.length ? selects.map(one => film.runs[one.value]) : panes.length > 1
       ? [film.runs[0], film.runs[player.dataset.right]] : [film.runs[0]];
 
@@ -244,7 +257,8 @@
     };
     const tick = now => {
       since.begun ??= now;
-      const passed = since.from + (now - since.begun) / INTERVAL, last = film.times.length - 1;
+      const last = film.times.length - 1;
+      const passed = since.from + (now - since.begun) / Math.min(INTERVAL, WHOLE / last);
       place = Math.min(calm.matches ? Math.floor(passed) : passed, last);
       if (place >= last) return stop();
       draw();
@@ -257,6 +271,7 @@
       told.setAttribute("aria-live", "off");
       since.request = requestAnimationFrame(tick);
     });
+    place = Math.max(place, 0);
     slider.max = film.times.length - 1;
     slider.addEventListener("input", () => {
       const wanted = Number(slider.value);
@@ -296,7 +311,6 @@
   };
   for (const player of document.querySelectorAll(".player")) {
     player.hidden = false;
-    start(player);
-    player.closest("figure").classList.add("live"); // in place of its strip
+    start(player).then(() => player.closest("figure").classList.add("live")); // in place of its strip
   }
 }
