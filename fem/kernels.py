@@ -17,7 +17,6 @@ import scipy.sparse as sp
 from actin_xcheck.core.linear import Pattern, bincount
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
-from fem import forms
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,25 +206,21 @@ class RimRule(CellRule):
 class RimSample(CellSample):
     """A rim in one configuration: outward normals (i, q, e), dx being ds.
 
-    The rim is small: its weak forms are evaluated as they stand, on the vector basis functions.
+    Load and friction are `forms.rim_load` and `forms.slip_friction` of basis functions of one component each.
     """
 
     normals: Array
 
     def normal_load(self, f: Array | float) -> Array:
         """The integral of f (q, e) w.n on each edge, (a, i, e)."""
-        density = forms.rim_load.form(self._vectors(), {"f": f, "n": self.normals})
+        density = f * (self.normals * self.rule.values[:, None])
         return np.einsum("aiqe,qe->aie", density, self.dx)
 
     def friction(self) -> Array:
         """Slip friction of modulus 1 on each edge, (a, i, b, j, e)."""
-        v, normals = self._vectors(), self.normals
-        density = forms.slip_friction(1.0).form(v, v[:, :, :, None, None], {"n": normals})
-        return np.einsum("aibjqe,qe->aibje", density, self.dx)
-
-    def _vectors(self) -> Array:
-        """Vector basis functions at the points, (component, a, i, q, e)."""
-        return np.einsum("aqe,ki->kaiqe", self.rule.values, np.eye(2))
+        tangent = np.array([-self.normals[1], self.normals[0]])
+        along = tangent * self.rule.values[:, None]
+        return np.einsum("aibjqe,qe->aibje", along * along[:, :, None, None], self.dx)
 
 
 class Scatter:

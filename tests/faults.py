@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from skfem import LinearForm
 
 from actin_xcheck.core.contract import Move
 from actin_xcheck.core.motion import PrescribedMotion
-from fem import forms
 from fem.force_balance import ForceBalance
-from fem.kernels import CellSample
+from fem.kernels import CellSample, RimSample
 from fem.solver import FemP1Paper
 from fv.equations import TransportEquation
 
@@ -45,8 +43,8 @@ def freeze_mesh(patch: pytest.MonkeyPatch) -> None:
 
 def flip_rim_integral(patch: pytest.MonkeyPatch) -> None:
     """The boundary integral of f w.n enters with the wrong sign."""
-    right = forms.rim_load.form
-    patch.setattr(forms, "rim_load", LinearForm(lambda w, fields: -right(w, fields)))
+    right = RimSample.normal_load
+    patch.setattr(RimSample, "normal_load", lambda sample, f: -right(sample, f))
 
 
 def use_old_volumes(patch: pytest.MonkeyPatch) -> None:

@@ -1,19 +1,19 @@
 """What is said of the time left: nothing that is not known, and never more than there is."""
 
+import sys
 from io import StringIO
 
 import pytest
-from rich.console import Console
 
-from actin_xcheck.cli import output
-from actin_xcheck.cli.output import Progress
+from actin_xcheck.cli import progress
+from actin_xcheck.cli.progress import Progress
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """Seconds, to be moved on by hand."""
     now = [100.0]
-    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -59,8 +59,10 @@ def test_no_more_is_left_than_the_budget(clock, capsys, monkeypatch):
 
 def test_a_bar_says_the_same(clock, monkeypatch):
     said = StringIO()
-    console = Console(file=said, force_terminal=True, width=100)
-    monkeypatch.setattr(output, "Console", lambda **_: console)
+    monkeypatch.setattr(said, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys, "stderr", said)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
     with Progress(False, 180.0) as told:
         told.report("night", 0, 100)
         clock[0] += 30

@@ -23,7 +23,6 @@ from actin_xcheck.core.parameters import FIELDS, Fidelity
 from actin_xcheck.runs.method import METHODS
 
 if TYPE_CHECKING:
-    from actin_xcheck.cli.output import RunAnswer
     from actin_xcheck.core.errors import Outcome
     from actin_xcheck.core.mesh import Mesh
     from actin_xcheck.runs.fidelity import Reduction
@@ -104,7 +103,7 @@ def _run(
 ) -> NoReturn:
     """Run, say how it ended and leave with the exit code."""
     from actin_xcheck.cli.conduct import lasting
-    from actin_xcheck.cli.output import Progress, say
+    from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.errors import Ending
     from actin_xcheck.runs.numerics import run_seconds
     from actin_xcheck.runs.processes import stop_signals
@@ -126,7 +125,7 @@ def _run(
         print(f"actin_xcheck: interrupted {place}; to go on: {resuming_command()}", file=sys.stderr)
         raise typer.Exit(128 + stop())
     if json:
-        say(_answer(out_file, outcome, reduction))
+        _answer(out_file, outcome, reduction)
     else:
         print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
@@ -151,12 +150,11 @@ def _check_out(out_file: Path, force: bool, resume: bool) -> None:
         raise UserError(f"--out: {part} is an interrupted run; valid: --resume, or --force to begin again")
 
 
-def _answer(
-    file: Path, outcome: "Outcome", reduction: "Reduction", error: float | None = None
-) -> "RunAnswer":
-    from actin_xcheck.cli.output import RunAnswer
+def _answer(file: Path, outcome: "Outcome", reduction: "Reduction", error: float | None = None) -> None:
+    """Say how a run ended, as one object."""
+    from actin_xcheck.cli.output import RunAnswer, say
 
-    return RunAnswer(
+    answer = RunAnswer(
         file=str(file),
         outcome=outcome.ending,
         message=outcome.message,
@@ -164,6 +162,7 @@ def _answer(
         left_out=reduction.left_out,
         estimated_error=error,
     )
+    say(answer)
 
 
 def _outline(path: Path, scene: "Scene", accuracy: float | None, fidelity: Fidelity, json: bool) -> "Mesh":
@@ -223,7 +222,7 @@ def _deliver(
     scene: "Scene", accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
 ) -> NoReturn:
     """Run to an accuracy, say what was reached and leave with the exit code."""
-    from actin_xcheck.cli.output import Progress, say
+    from actin_xcheck.cli.progress import Progress
     from actin_xcheck.runs.accuracy import deliver
 
     with Progress(quiet) as progress:
@@ -237,7 +236,7 @@ def _deliver(
         )
     if json:
         error = reached.estimate if reached.outcome.ok else None
-        say(_answer(out_file, reached.outcome, reached.reduction, error))
+        _answer(out_file, reached.outcome, reached.reduction, error)
         raise typer.Exit(0 if reached.outcome.ok else 1)
     _say(reached.reduction)
     if not reached.outcome.ok:

@@ -365,7 +365,7 @@ def sweep_command(
     a mistake in what was asked.
     """
     from actin_xcheck.cli.conduct import kept_in, saying_the_cost
-    from actin_xcheck.cli.output import Progress
+    from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Wanted

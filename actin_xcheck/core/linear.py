@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spl
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dpotri
@@ -69,8 +68,10 @@ def solve(matrix: sp.spmatrix, rhs: Array) -> tuple[Array, Outcome]:
 
 
 def _superlu(matrix: sp.spmatrix) -> Callable[[Array], Array]:
+    from scipy.sparse.linalg import splu  # here: it takes over where the factorisation below fails
+
     options = {"SymmetricMode": True}
-    factor = spl.splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     return factor.solve
 
 

@@ -32,10 +32,10 @@ SECTOR = "fem.sector:Unfolded"
 MODAL = "fem.modal:Modal"
 """The linear modes of the rest state."""
 
-HAND_OVER = "fem.sector:HandOver"
+HAND_OVER = "fem.hand_over:HandOver"
 """These, then a solver of the whole model."""
 
-SPECTRUM = "fem.linearised:Spectrum"
+SPECTRUM = "fem.spectrum:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
 
 REMESHING = "fem.remeshing:Remeshing"

@@ -14,14 +14,16 @@ from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spl
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.method import packages_of_methods
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 GRID = 128
 """Unknowns of the kernel's Laplacian along each side of its square."""
@@ -36,8 +38,10 @@ _STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 @cache
-def _operands() -> tuple[sp.csc_matrix, Array]:
+def _operands() -> tuple["sp.csc_matrix", Array]:
     """The five-point Laplacian of a square, and a dense matrix of fixed numbers."""
+    import scipy.sparse as sp  # here: what reads results solves nothing
+
     line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(GRID, GRID))
     dense = np.random.default_rng(0).standard_normal((DENSE, DENSE))
     return sp.csc_matrix(sp.kronsum(line, line)), dense
@@ -49,6 +53,8 @@ def reference_kernel() -> Array:
     What the methods are made of in small: a sparse factorisation, solves and products with its matrix, dense
     products; one thread.
     """
+    import scipy.sparse.linalg as spl
+
     matrix, dense = _operands()
     seconds = []
     for _ in range(TIMES):
@@ -164,6 +170,7 @@ def _version(package: str) -> str:
         return "not installed"
 
 
+@cache
 def _commit() -> str:
     """The commit of the checkout that tracks this file; a copy installed inside another one has none."""
     folder, this = Path(__file__).parent, Path(__file__).name

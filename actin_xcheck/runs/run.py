@@ -31,7 +31,6 @@ from actin_xcheck.runs.method import (
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.runs.store import Run, RunWriter
-from actin_xcheck.scene.outline import refined
 from actin_xcheck.scene.resolve import mode_field, resolve, starts_from_steady_state
 from actin_xcheck.scene.scene import Scene
 
@@ -52,7 +51,12 @@ def bind(scene: Scene, numerics: Numerics, perturbed: bool = True) -> Solver:
     reduction, mesh = numerics.reduction, numerics.mesh
     problem = reduction.applied(resolve(scene, perturbed))
     l0, rotation = problem.model.parameters.l0, np.deg2rad(scene.domain.rotation)
-    whole = disk(refine, l0, rotation) if mesh is None else refined(mesh, l0, refine)
+    if mesh is None:
+        whole = disk(refine, l0, rotation)
+    else:
+        from actin_xcheck.scene.outline import refined  # here, with what reads outlines
+
+        whole = refined(mesh, l0, refine)
     solver: Solver
     if reduction.fidelity is Fidelity.RADIAL:
         solver = load(RADIAL)(problem, whole, max(refine, 2), RAY_DEGREE, method.order_dt)

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import jv, jvp
 from simpleeval import SimpleEval
 
 from actin_xcheck.core.errors import brief
@@ -34,6 +33,18 @@ def _zero(*arguments: Any) -> Any:
     return 0.0
 
 
+def _bessel(order: Any, z: Any) -> Any:
+    from scipy.special import jv  # here: few scenes have one, and every run would wait for it
+
+    return jv(order, z)
+
+
+def _bessel_slope(order: Any, z: Any) -> Any:
+    from scipy.special import jvp
+
+    return jvp(order, z)
+
+
 # every function beside its partial derivatives, between the kinks of those that have some
 _FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[_Slope, ...]]] = {
     "sin": (np.sin, (np.cos,)),
@@ -54,7 +65,7 @@ _FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[_Slope, ...]]] = {
     "minimum": (np.minimum, (lambda z, w: np.heaviside(w - z, 0.5), lambda z, w: np.heaviside(z - w, 0.5))),
     "maximum": (np.maximum, (lambda z, w: np.heaviside(z - w, 0.5), lambda z, w: np.heaviside(w - z, 0.5))),
     "heaviside": (lambda z: np.heaviside(z, 0.5), (_zero,)),
-    "J": (jv, (_zero, lambda m, z: jvp(m, z))),
+    "J": (_bessel, (_zero, _bessel_slope)),
 }
 _OPERATORS: dict[type[ast.AST], tuple[Callable[..., Any], tuple[_Slope, ...]]] = {
     ast.Add: (np.add, (_one, _one)),

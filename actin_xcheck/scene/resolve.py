@@ -6,7 +6,7 @@ scene: initial data stay those of the whole scene, also where they are one of it
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta, Rheology
 from actin_xcheck.scene.expression import Expression, coordinates
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.theory.eigenfields import Eigenfield, eigenfield
+
+if TYPE_CHECKING:
+    from actin_xcheck.theory.eigenfields import Eigenfield
 
 
 def resolve(scene: Scene, perturbed: bool = True) -> Problem:
@@ -62,8 +64,10 @@ def starts_from_steady_state(scene: Scene) -> bool:
     return uniform and at_rest and not moved
 
 
-def mode_field(scene: Scene, m: int, n: int) -> Eigenfield:
+def mode_field(scene: Scene, m: int, n: int) -> "Eigenfield":
     """The eigenfield of a mode the scene names; UserError where its cell has no such mode."""
+    from actin_xcheck.theory.eigenfields import eigenfield  # here: most scenes name none
+
     try:
         return eigenfield(scene.physics, m, n)
     except (
