@@ -15,7 +15,7 @@ jump of the derivative is, which the interpolation at the ring's vertices takes 
 """
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -49,6 +49,13 @@ class _Loads:
     dilation: Array
 
 
+@dataclass(frozen=True)
+class PlacesMove(Move):
+    """A `Move` with the velocities found at the places, (2 n_places,)."""
+
+    at_places: Array = field(default_factory=lambda: np.zeros(0))
+
+
 class FvForceBalance:
     """Cell-centred force balance on the current configuration; see this module.
 
@@ -66,7 +73,7 @@ class FvForceBalance:
         self.assembly = Assembly(faces, self.ties.unknown, self.ties.size)
         first, second = faces.cells[:, faces.interior]
         self.ring = faces.interior[self.delta[first] != self.delta[second]]
-        self._anchor, self._guess = Anchor(mesh.xi), np.zeros_like(mesh.xi)
+        self._anchor, self._guess = Anchor(mesh.xi), np.zeros(2 * self.ties.places)
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
@@ -76,20 +83,16 @@ class FvForceBalance:
         """Put rim vertices back onto the wall of `irrotational-wall`."""
         return settle(self.model.closure, self.faces, x)
 
-    def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+    def advance(self, t: float, dt: float, x: Array, corners: Array) -> PlacesMove:
         """Move the vertices from x (2, N) at t, elastic stress implicit as in (B.23a)."""
         move = self._move(t, dt, x, corners)
-        return (
-            move
-            if not move.outcome.ok
-            else Move(self.settle(x + dt * move.v), move.v, move.outcome, move.net_force, move.net_torque)
-        )
+        return replace(move, x=self.settle(x + dt * move.v)) if move.outcome.ok else move
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
         """The instantaneous vertex velocities (2, N)."""
         return self.flow(t, x, corners).v
 
-    def flow(self, t: float, x: Array, corners: Array) -> Move:
+    def flow(self, t: float, x: Array, corners: Array) -> PlacesMove:
         """The same as a Move that leaves the vertices at x, with its Outcome and the gauge's loads."""
         return self._move(t, 0.0, x, corners)
 
@@ -102,27 +105,32 @@ class FvForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def near(self, anchor: Anchor, v: Array) -> Self:
-        """Return the same, its systems preconditioned at an anchor, solutions sought near v (2, N)."""
+    def near(self, anchor: Anchor, guess: Array | None) -> Self:
+        """Return the same, its systems preconditioned at an anchor, solutions sought near a guess at places.
+
+        Without a guess (2 n_places,) they are sought near zero.
+        """
         other = copy(self)
-        other._anchor, other._guess = anchor, v
+        other._anchor = anchor
+        if guess is not None:
+            other._guess = guess
         return other
 
-    def _move(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+    def _move(self, t: float, dt: float, x: Array, corners: Array) -> PlacesMove:
         """The velocities at x (2, N), where the vertices stay."""
         diamonds, moduli = Diamonds.at(self.faces, x), self.moduli(dt)
         loads = self.loads(diamonds, x, corners, moduli)
         outcome = self.model.dilated(t, loads.dilation, self._place)
         if not outcome.ok:
-            return Move(x, np.zeros_like(x), outcome)
+            return PlacesMove(x, np.zeros_like(x), outcome)
         system = System(self.ties, self.assembly, diamonds, x, moduli)
         kink = self._kink(diamonds, x, system.interpolation, loads.jump)
         load = self.assembly.load(loads.on_faces)
         load[:, -self.faces.rim.size :] += loads.on_rim
         load = load.T.ravel() - system.from_vertices(system.projected(kink))
-        found, outcome = system.solve(load, self._at_places(self._guess), self._factor)
+        found, outcome = system.solve(load, self._guess, self._factor)
         v = system.without_rigid_motion(system.at_vertices(found) + system.projected(kink))
-        return Move(x, v, outcome, *system.net(found))
+        return PlacesMove(x, v, outcome, *system.net(found), at_places=found)
 
     def _factor(self) -> krylov.Inverse | None:
         """Of the two-point part at the anchor."""

@@ -33,7 +33,8 @@ from actin_xcheck.core.motion import Anchor, PrescribedMotion
 from actin_xcheck.core.observables import area, balance_residual
 from fv import krylov
 from fv.equations import TransportEquation, over_relaxed_split, reconstruct, two_point, vertex_interpolation
-from fv.mechanics import FvForceBalance
+from fv.history import History
+from fv.mechanics import FvForceBalance, PlacesMove
 from fv.mesh import Faces
 
 
@@ -45,10 +46,12 @@ class FvState(State):
     ----------
     corner_values : those of their reconstruction, (3, n_cells).
     anchor : where the finite volumes' own force balance is preconditioned in the next step.
+    history : what that found in the steps before.
     """
 
     corner_values: Array = field(default_factory=lambda: np.zeros((3, 0)))
     anchor: Anchor | None = None
+    history: History = field(default_factory=History.none)
 
 
 class FvDiamond(Polygonal[FvState]):
@@ -84,11 +87,17 @@ class FvDiamond(Polygonal[FvState]):
         v = self.mechanics.velocity(0.0, x, corners)
         return FvState(0.0, x, a, v, corner_values=corners, anchor=Anchor(x))
 
-    def moved_by(self, state: FvState) -> Mechanics:
-        """The mechanics, our own force balance preconditioned where the state says."""
+    def moved_by(self, state: FvState, times: list[float], moves: list[Move]) -> Mechanics:
+        """The mechanics, our own force balance preconditioned where the state says, near what it will find.
+
+        Parameters
+        ----------
+        state : where the step begins.
+        times, moves : of its stages so far, and the time of the next one.
+        """
         if state.anchor is None or not isinstance(self.mechanics, FvForceBalance):
             return self.mechanics
-        return self.mechanics.near(state.anchor, state.v)
+        return self.mechanics.near(state.anchor, state.history.guess(times, _at_places(moves)))
 
     def next_anchor(self, old: FvState, x: Array, solves: int) -> Anchor | None:
         """Where to precondition after a step of so many force balances that led to x (2, N)."""
@@ -103,9 +112,16 @@ class FvDiamond(Polygonal[FvState]):
 
     def step(self, state: FvState, dt: float) -> tuple[FvState, Outcome]:
         """Move the nodes, then one conservative backward Euler step between the two configurations."""
-        move = self.moved_by(state).advance(state.t, dt, state.x, self.corners(state))
+        times = [state.t]
+        move = self.moved_by(state, times, []).advance(state.t, dt, state.x, self.corners(state))
         new = replace(
-            state, t=state.t + dt, x=move.x, v=move.v, net_force=move.net_force, net_torque=move.net_torque
+            state,
+            t=state.t + dt,
+            x=move.x,
+            v=move.v,
+            net_force=move.net_force,
+            net_torque=move.net_torque,
+            history=state.history.extended(times, _at_places([move])),
         )
         outcome = move.outcome if not move.outcome.ok else orientation(self.mesh, new.t, move.x)
         return (new, outcome) if not outcome.ok else self._transport(state, new, dt)
@@ -113,12 +129,18 @@ class FvDiamond(Polygonal[FvState]):
     def memento(self, state: FvState) -> Memento:
         """The state, the corner values that load the next force balance and where that is preconditioned."""
         where = {} if state.anchor is None else {"anchor": state.anchor.x}
-        return {**remembered(state), "corner_values": state.corner_values, **where}
+        before = {"history_times": state.history.times, "history": state.history.found}
+        return {**remembered(state), "corner_values": state.corner_values, **where, **before}
 
     def restored(self, memento: Memento) -> FvState:
         """The state again."""
         anchor = Anchor(memento["anchor"]) if "anchor" in memento else None
-        return FvState(**recalled(memento), corner_values=memento["corner_values"], anchor=anchor)
+        return FvState(
+            **recalled(memento),
+            corner_values=memento["corner_values"],
+            anchor=anchor,
+            history=History(memento["history_times"], memento["history"]),
+        )
 
     def _transport(self, old: FvState, new: FvState, dt: float) -> tuple[FvState, Outcome]:
         triangles, model = self.mesh.triangles, self.problem.model
@@ -217,11 +239,13 @@ class FvSecondOrder(FvDiamond):
     def step(self, state: FvState, dt: float) -> tuple[FvState, Outcome]:
         """Two stages: move the nodes with the velocities so far, then solve for what the cells hold there."""
         here, inverse = state, None
+        times: list[float] = []
         rates: list[Move] = []
         solutions: list[_Solution] = []
         start = state.a * signed_areas(state.x, self.mesh.triangles)
         for stage in STAGES:
-            rates.append(self._rate(here))
+            times.append(here.t)
+            rates.append(self._rate(here, times, rates))
             outcome = rates[-1].outcome
             if outcome.ok:
                 x = self._place(state, dt, stage, rates)
@@ -234,13 +258,14 @@ class FvSecondOrder(FvDiamond):
                 solutions.append(solution)
             if not outcome.ok:
                 return here, outcome
+        here = replace(here, history=state.history.extended(times, _at_places(rates)))
         return self._concluded(state, here, dt, rates, solutions), outcome
 
-    def _rate(self, here: FvState) -> Move:
+    def _rate(self, here: FvState, times: list[float], rates: list[Move]) -> Move:
         """Velocities of the nodes now; of no use where the motion is prescribed."""
         if isinstance(self.mechanics, PrescribedMotion):
             return Move(here.x, np.zeros_like(here.x))
-        return self.moved_by(here).flow(here.t, here.x, self.corners(here))
+        return self.moved_by(here, times, rates).flow(here.t, here.x, self.corners(here))
 
     def _place(self, state: FvState, dt: float, stage: _Stage, rates: list[Move]) -> Array:
         """Node positions of a stage, (2, N)."""
@@ -293,6 +318,11 @@ class FvSecondOrder(FvDiamond):
         # the same multiple of dt^2 x'' as of dt^2 P'' above
         of_x = EMBEDDED * (1 - GAMMA) / GAMMA * dt * np.hypot(*(rates[1].v - rates[0].v)).max()
         return float(max(of_a, of_x))
+
+
+def _at_places(moves: list[Move]) -> list[Array]:
+    """What our own force balance found at the places, (2 n_places,) each; nothing of other motions."""
+    return [move.at_places for move in moves if isinstance(move, PlacesMove)]
 
 
 def _blend(weights: tuple[float, ...], values: list[Any]) -> Any:

@@ -163,7 +163,7 @@ class System:
         Parameters
         ----------
         load : at the places, (2 n_places,).
-        guess : velocities (2, n_places) to begin with.
+        guess : velocities (2 n_places,) to begin with.
         near : what was factorised nearby; where it does not serve, this configuration's is.
         """
         rhs = self.restricted(load)
@@ -172,7 +172,7 @@ class System:
             return np.full_like(load, np.nan), Outcome(Ending.NON_FINITE, "the load is not finite")
         if scale == 0.0:
             return np.zeros_like(load), COMPLETED
-        begin = self.restricted(guess.T.ravel()) / scale
+        begin = self.restricted(guess) / scale
         for factor in (near, self.factor):
             inverse = factor()
             if inverse is None:

@@ -25,10 +25,11 @@ from fem.fields import locate
 from fem.force_balance import ForceBalance
 from fv import system
 from fv.boundary import rigid_motions
+from fv.history import History
 from fv.mechanics import FvForceBalance
 from fv.mesh import fipy
 from fv.stress import Diamonds, traction
-from tests.lab import film_of, local_orders, play, scene_of
+from tests.lab import after, film_of, local_orders, play, scene_of
 from tests.test_growth import measured_rate
 
 VISCOUS, ELASTIC = Rheology.VISCOUS, Rheology.VISCOELASTIC
@@ -326,6 +327,36 @@ def test_a_step_does_not_depend_on_where_its_systems_were_preconditioned():
     ours, theirs = (solver.step(state, 0.01)[0] for state in (start, elsewhere))
     assert np.abs(ours.x - theirs.x).max() < 1e-11
     assert np.abs(ours.a - theirs.a).max() < 1e-11
+
+
+def test_what_steps_before_have_found_is_followed_in_every_stage():
+    """A parabola in time, and one beyond the stage before, in steps of any length: exactly."""
+    history, began = History.none(), np.array([0.0, 0.1, 0.15, 0.35])
+
+    def found(t, since):
+        return np.array([1 + 2 * t - t**2, t]), np.array([1 + 2 * t - t**2 + since * (3 - t + t**2), t])
+
+    assert history.guess([0.0], []) is None
+    for t, since in zip(began[:3], (0.03, 0.01, 0.06), strict=True):
+        history = history.extended([t, t + since], list(found(t, since)))
+    first, second = found(began[3], 0.02)
+    assert history.guess([began[3]], []) == pytest.approx(first, rel=1e-12)
+    assert history.guess([began[3], began[3] + 0.02], [first]) == pytest.approx(second, rel=1e-12)
+    assert len(history.extended([0.5, 0.6], list(found(0.5, 0.1))).times) == len(history.times)
+
+
+def test_a_step_near_those_before_takes_fewer_iterations(monkeypatch):
+    """And finds the same as from nothing."""
+    solver = bind(load_scene("smooth-fronts"), Numerics(METHODS["fv"], 3, 0.001))
+    state = after(solver, 0.008, steps=8)
+    applied = []
+    operator = system.System.__call__
+    monkeypatch.setattr(system.System, "__call__", lambda self, q: applied.append(1) or operator(self, q))
+    near = solver.step(state, 0.001)[0]
+    count = len(applied)
+    far = solver.step(dataclasses.replace(state, history=History.none()), 0.001)[0]
+    assert count < 0.8 * (len(applied) - count)
+    assert np.abs(near.x - far.x).max() < 1e-12
 
 
 def test_no_force_balance_fails_in_silence(monkeypatch):
