@@ -20,7 +20,7 @@ SEED = 3
 
 
 def question(number: int) -> DrawnScene:
-    return DrawnScene(draw.written(draw.drawn(SEED, number)), f"random-{SEED}-{number}", coarser=1)
+    return DrawnScene(draw.written(draw.drawn(SEED, number)), f"random-{SEED}-{number}")
 
 
 def test_a_seed_draws_every_kind_of_scene_again():
