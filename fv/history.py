@@ -1,7 +1,7 @@
 """Velocities at the places in the steps before, from which those of the next step are guessed.
 
-An iteration that begins near its solution is short.  What each stage of a step found is smooth in time, and so
-is what it found beyond the stage before; across stages it is not, as their positions are of lower order.
+An iteration that begins near its solution is short.  What the first stage of each step found is smooth in
+time, and so is what another one found beyond the stage before it: stages differ by more than their times.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Scenes that nobody chose, drawn by a seed: do the codes agree wherever a scene can lead?
 
-Each is run by finite elements and finite volumes on two and three meshes, by every smaller model that is exact for
-it, and turned, reflected and in other units on a coarse mesh.  A scene that misses is made simpler as long as
-it still misses, and left as a file that `compare` takes.
+Each is run by finite elements and finite volumes on two and three meshes, by every smaller model that is
+exact for it, and turned, reflected and in other units on a coarse mesh.  A scene that misses is made simpler
+as long as it still misses, and left as a file that `compare` takes.
 """
 
 import math
