@@ -56,8 +56,7 @@ class AccuracyLevel:
 
 LEVELS = (
     AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 3e-4, SHARE),
-    AccuracyLevel(METHODS["fem-p6-imex5"], 1, 3e-5, 2.5e-4, BOTH),
-    AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 3e-5, 0.4),
+    AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 3e-5, BOTH),
     AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1.5e-6, 0.25),
     AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.25),
     AccuracyLevel(METHODS["fem-p6-imex5"], 3, 1e-7, 6e-8, BOTH),
