@@ -13,6 +13,7 @@ import typer
 
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.conduct import Json, page_of, print_table
+from actin_xcheck.cli.judge import judge
 from actin_xcheck.cli.nightly import diff_command, history_command, nightly_command
 from actin_xcheck.cli.run import export_command, render_command, run_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
@@ -30,6 +31,7 @@ app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
 app.command("compare")(studies.compare)
 app.command("run")(run_command)
+app.command("judge")(judge)
 app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
 app.command("chart")(studies.chart)

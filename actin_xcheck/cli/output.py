@@ -78,7 +78,7 @@ class ReportAnswer(Answer):
 
     command: Literal[
         "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
-        "random", "coverage", "predict report", "report",
+        "random", "coverage", "judge", "predict report", "report",
     ]  # fmt: skip
     page: str
     verdicts: dict[str, int] = {}

@@ -56,8 +56,15 @@ def read_triangulation(path: Path) -> tuple[Array, Indices]:
 
     Nodes that no cell uses are left out.
     """
-    points, triangles = _read(path)
-    triangles = _Check(path, points, triangles).oriented()
+    return checked(f"--mesh: {path}", *_read(path))
+
+
+def checked(place: str, points: Array, triangles: Indices) -> tuple[Array, Indices]:
+    """Return the nodes (2, N) that are used and the cells (3, n), counter-clockwise.
+
+    UserError, which begins with `place`, for the first thing that is wrong.
+    """
+    triangles = _Check(place, points, triangles).oriented()
     used, numbers = np.unique(triangles, return_inverse=True)
     return points[:, used], numbers.reshape(triangles.shape)
 
@@ -123,10 +130,10 @@ def _whole(data: Any) -> bool:
 
 
 class _Check:
-    """One file's mesh under examination: points (2, N) and triangles (3, n) as they stand there."""
+    """A mesh under examination: points (2, N) and triangles (3, n) as they stand in its place."""
 
-    def __init__(self, path: Path, points: Array, triangles: Indices) -> None:
-        self.path, self.points, self.triangles = path, points, triangles
+    def __init__(self, place: str, points: Array, triangles: Indices) -> None:
+        self.place, self.points, self.triangles = place, points, triangles
 
     def oriented(self) -> Indices:
         """The triangles, counter-clockwise; UserError for the first thing that is wrong."""
@@ -141,7 +148,7 @@ class _Check:
 
     def _refuse(self, what: str) -> None:
         raise UserError(
-            f"--mesh: {self.path}: {what}; valid: a conforming triangulation of one simply connected cell"
+            f"{self.place}: {what}; valid: a conforming triangulation of one simply connected cell"
         )
 
     def _at(self, node: int) -> str:
