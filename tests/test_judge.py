@@ -108,7 +108,7 @@ def test_a_series_that_is_late_or_departs_too_far_is_told_so(tmp_path):
     with pytest.raises(StopIteration) as end:
         study.send([run])  # it is off by so much that no better truth is asked for
     (found,) = end.value.value.tables["answers"].rows
-    assert found.lag == pytest.approx(0.002, rel=0.15)
+    assert found.lag == pytest.approx(0.002, rel=0.01)
     assert found.amplitude == pytest.approx(1.2, rel=0.01)
 
 

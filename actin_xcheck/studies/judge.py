@@ -275,7 +275,7 @@ def _lag(one: Theirs, name: str, run: Truth) -> tuple[float, float]:
     if not (sizes > 1e-9 * np.linalg.norm(true(t))).all() or np.linalg.cond(parts / sizes) > 1e3:
         return nan, nan  # constant, or an exponential, whose delay is a factor
     lag, more = np.linalg.lstsq(parts, y - true(t), rcond=None)[0]
-    return float(lag), float(1 + more)
+    return float(lag / (1 + more)), float(1 + more)  # what is late is what it is times
 
 
 def _finals(scene: Scene, best: Theirs, run: Truth, rows: Sequence[JudgedValue]) -> list[FinalValue]:
