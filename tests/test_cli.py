@@ -1,5 +1,6 @@
 """The commands as a user meets them: one line and exit code 2 for a mistake, 1 for a failure, files kept."""
 
+import json
 import os
 import shlex
 import subprocess
@@ -11,10 +12,11 @@ import h5py
 import numpy as np
 import pytest
 
+import actin_xcheck
 from actin_xcheck.core import files as folders
 from actin_xcheck.core.files import report_folder
 from actin_xcheck.runs.executor import cores, in_turn, jobs_asked
-from actin_xcheck.scene.shelf import scene_text
+from actin_xcheck.scene.shelf import scene_text, shipped_scenes
 from tests.processes import posix
 
 SERIES = {
@@ -91,7 +93,12 @@ ONE = "--out x.vtkhdf"
         (f"run mine.toml --method fem-p1-paper {ONE}", ["mine.toml", "parameters.spi (did you mean psi?)"]),
         *((f"{study} mine.toml", ["mine.toml", "parameters.spi"])
           for study in ("compare", "converge", "chart", "distort", "frontier --scene")),
-        (f"run fig14 --method fem-p1-paper {ONE}", ["fig14", "fig14-four-fronts"]),
+        (f"run fig11 --method fem-p1-paper {ONE}",
+         ["scene 'fig11' begins more than one name", "fig11-two-fronts-single"]),
+        ("compare --method fv-d --method fv-t --method fv-",
+         ["method 'fv-' begins more than one name; valid: fv-paper"]),
+        ("run stirred --refine 3", ["--refine: of which method?"]),
+        ("predict modes --psi 1", ["--p: is missing; valid: a number, or --scene"]),
         (f"run stirred --method fem {ONE}", ["'fem'", "fem-p1-paper", "fv-tpfa"]),
         ("run stirred --method fv-coupled --out x.h5", ["x.h5", ".vtkhdf"]),
         (f"run stirred --method fv-coupled --dt 0 {ONE}", ["--dt", "0"]),
@@ -231,3 +238,71 @@ def test_processes_are_as_many_as_processors_may_be_used():
         os.sched_setaffinity(0, allowed)
     assert cores() == len(allowed)
     assert jobs_asked(7, None) == 7
+
+
+def test_the_beginning_of_a_name_is_enough_and_nothing_said_of_how_is_an_accuracy(tmp_path, command):
+    assert command("run static-d --quiet").returncode == 0
+    with h5py.File(tmp_path / "static-decay--fem.vtkhdf") as file:
+        assert file["run"].attrs["accuracy"] == 1e-3
+    assert command("run static-d --method fv-coup --refine 2 --dt 0.25 --quiet").returncode == 0
+    with h5py.File(tmp_path / "static-decay--fv-coupled.vtkhdf") as file:
+        assert (file["run"].attrs["scene_name"], file["run"].attrs["method_name"]) == (
+            "static-decay",
+            "fv-coupled",
+        )
+    assert "--force" in command("run static-d --quiet").stderr
+
+
+def test_what_it_will_cost_is_said_and_nothing_is_run(tmp_path, command):
+    said = [
+        command(f"{line} --dry-run").stdout
+        for line in ("compare fig14", "run fig14", "run stirred --method fv")
+    ]
+    assert said[0].startswith("compare: 6 tasks at first, about ")
+    assert "sector: about" in said[1]
+    assert said[2].startswith("stirred: fv, refine 5, dt 0.005: about ")
+    assert all(one.endswith("nothing was run\n") for one in said)
+    answer = json.loads(command("compare fig14 --dry-run --json").stdout)
+    assert (answer["command"], answer["tasks"], answer["seconds"] > 1) == ("compare", 6, True)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("paper", "fig14"),
+        ("extremes", "sec6-long-viscous"),
+        ("faults", "fv-leak"),
+        ("nightly", "compare static-decay fem-p1-paper refine 4"),
+    ],
+)
+def test_what_only_takes_is_listed(line, name, tmp_path, command):
+    listed = command(f"{line} --list").stdout.splitlines()
+    assert [one for one in listed if one == name or (line == "nightly" and one.startswith("compare "))]
+    assert not list(tmp_path.iterdir())
+
+
+def test_scenes_are_found_by_a_word_and_are_json(command):
+    found = json.loads(command("scenes --match two-fronts --json").stdout)["scenes"]
+    assert [one["name"] for one in found] == ["fig11-two-fronts", "fig11-two-fronts-single"]
+    names = [line.split()[0] for line in command("scenes").stdout.splitlines()[1:] if line.strip()]
+    assert names.index("sec6-realistic") < names.index("growing-disk")  # what the article has comes first
+    assert len(names) == len(shipped_scenes())
+
+
+def test_the_version_and_help_are_short_words(command):
+    assert command("--version").stdout == f"actin_xcheck {actin_xcheck.__version__}\n"
+    assert command("compare -h").stdout.startswith("Usage: ")
+
+
+def test_a_prediction_says_of_what_and_takes_a_scene(command):
+    said = command("predict threshold --scene mode-2-cell --d 0.5 --m 1:2")
+    assert said.stdout.startswith(
+        "p = 0, d = 0.5, a_sat = 1.4, mu1 = 2.5, mu2 = 6.5, nu = 0.3, viscoelastic, reference-"
+    )
+    rows = [line.split() for line in said.stdout.splitlines()[2:]]
+    psi = [float(row[1]) for row in rows]
+    assert ["lowest" in row for row in rows] == [one == min(psi) for one in psi]
+    answer = json.loads(command("predict modes --psi 240 --p 0 --m 2 --json").stdout)
+    assert answer["conditions"]["psi"] == 240
+    assert answer["conditions"]["closure"] == "reference-normal"

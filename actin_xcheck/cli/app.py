@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
 from actin_xcheck.cli import predict, studies
-from actin_xcheck.cli.conduct import Json, page_of, print_table
+from actin_xcheck.cli.conduct import Json, page_of, print_table, scene_word
 from actin_xcheck.cli.judge import judge
 from actin_xcheck.cli.nightly import diff_command, history_command, nightly_command
 from actin_xcheck.cli.run import export_command, render_command, run_command
@@ -24,6 +24,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="A verification laboratory for a moving-cell model: two codes and theory held against each other.",
 )
 scenes_app = typer.Typer(invoke_without_command=True, help="List the shipped scenes, or show one.")
@@ -50,22 +51,53 @@ app.command("diff")(diff_command)
 app.command("nightly")(nightly_command)
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        from actin_xcheck import __version__
+
+        print(f"actin_xcheck {__version__}")
+        raise typer.Exit(0)
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """A verification laboratory for a moving-cell model: two codes and theory held against each other."""
+
+
 @scenes_app.callback()
-def scenes_command(context: typer.Context) -> None:
-    """List the shipped scenes with what they are."""
-    if context.invoked_subcommand is None:
-        from rich.table import Column, Table
+def scenes_command(
+    context: typer.Context,
+    match: Annotated[str, typer.Option(help="Those alone in whose line this word stands.")] = "",
+    json: Json = False,
+) -> None:
+    """List the shipped scenes with what they are: those of the article, then others."""
+    if context.invoked_subcommand is not None:
+        return
+    from actin_xcheck.scene.shelf import listed, shipped_scenes
 
-        from actin_xcheck.scene.shelf import listed, shipped_scenes
+    found = [listed(name) for name in shipped_scenes()]
+    found = [one for one in found if match.lower() in " ".join(one).lower()]
+    if json:
+        from actin_xcheck.cli.output import ListedScene, ScenesAnswer, say
 
-        table = Table(Column("scene", no_wrap=True), "from", "model", box=None)
-        for name in shipped_scenes():
-            table.add_row(*listed(name))
-        print_table(table)
+        say(ScenesAnswer(scenes=tuple(ListedScene(**one._asdict()) for one in found)))
+        return
+    from rich.table import Column, Table
+
+    table = Table(Column("scene", no_wrap=True), "from", "model", box=None)
+    for of_the_article in (True, False):
+        group = [one for one in found if one.citation.startswith("Verification") is not of_the_article]
+        for one in group:
+            table.add_row(*one, end_section=one is group[-1])
+    print_table(table)
 
 
 @scenes_app.command("show")
-def scenes_show(name: str) -> None:
+def scenes_show(name: Annotated[str, typer.Argument(callback=scene_word)]) -> None:
     """Print a scene's TOML: the start of a scene of one's own."""
     from actin_xcheck.scene.shelf import scene_text
 

@@ -8,11 +8,11 @@ import inspect
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -23,9 +23,51 @@ if TYPE_CHECKING:
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.studies.study import Report, Study, Tell
 
-Scenes = Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", show_default=False)]
-Methods = Annotated[list[str] | None, typer.Option("--method", help="May be given more than once.")]
+
+def scene_word(given: str) -> str:
+    """A word for a scene; of a shipped one the beginning is enough where no other begins so."""
+    from actin_xcheck.scene.shelf import shipped_scenes
+
+    return whole_word(given, shipped_scenes(), "scene")
+
+
+def method_word(given: str) -> str:
+    """A word for a method, likewise; of those of other packages nothing is known here."""
+    from actin_xcheck.runs.method import METHODS
+
+    return whole_word(given, METHODS, "method") if given != "fem" else given
+
+
+def whole_word(given: str, valid: Iterable[str], kind: str) -> str:
+    """The one that begins as is given; what is given where none does.  UserError where several do."""
+    every = list(valid)
+    found = [one for one in every if given and one.startswith(given)]
+    if given in every or not found:
+        return given
+    if len(found) > 1:
+        raise UserError(f"{kind} {given!r} begins more than one name; valid: {', '.join(found)}")
+    return found[0]
+
+
+def each(word: Callable[[str], str]) -> Callable[[list[str] | None], list[str] | None]:
+    """The same of a list."""
+    return lambda given: given and [word(one) for one in given]
+
+
+SceneWord = Annotated[
+    str,
+    typer.Argument(help="A shipped name or its beginning, or the path of a TOML file.", callback=scene_word),
+]
+Scenes = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[SCENE]...", show_default=False, callback=each(scene_word)),
+]
+Methods = Annotated[
+    list[str] | None,
+    typer.Option("--method", help="May be given more than once.", callback=each(method_word)),
+]
 Only = Annotated[list[str] | None, typer.Option(help="May be given more than once.")]
+Listed = Annotated[bool, typer.Option("--list", help="Print what --only takes, and end.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the results; goes on with what lies there.")
 ]
@@ -35,6 +77,7 @@ Jobs = Annotated[
 Scheduler = Annotated[
     str | None, typer.Option(help="Address of a dask.distributed scheduler whose workers are to be used.")
 ]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what is asked for first and what it costs.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the page in a browser.")]
 
 
@@ -51,6 +94,7 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             jobs: Jobs = None,
             scheduler: Scheduler = None,
             open_page: Open = False,
+            dry_run: DryRun = False,
             quiet: Quiet = False,
             json: Json = False,
             **asked: Any,
@@ -59,7 +103,9 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             from actin_xcheck.runs.executor import jobs_asked
 
             study = asked_for(**asked)  # a mistake makes no folder
-            jobs_asked(jobs, scheduler)
+            wanted = jobs_asked(jobs, scheduler)
+            if dry_run:
+                _say_the_cost(words or name, study, wanted, json)
             folder = report_folder(out_dir, name)
             report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
             if open_page:
@@ -100,6 +146,30 @@ def carry_out(
             tell = saying_the_cost(progress, processes.workers)
             report = studies.carry_out(name, study, folder, command(), processes, tell)
         return report, page_of(folder / f"{name}.h5")
+
+
+def _say_the_cost(words: str, study: "Study", workers: int | None, json: bool) -> NoReturn:
+    """Say what a study asks for first, and about how long that takes; what it asks next depends on it."""
+    import os
+
+    from actin_xcheck.cli.output import CostAnswer, say
+
+    tasks = next(study)
+    count = workers or os.cpu_count() or 1
+    seconds = sum(one.seconds for one in tasks) / max(min(count, len(tasks)), 1)
+    seconds += float(getattr(tasks, "later", 0.0)) / count
+    if json:
+        say(CostAnswer(command=words, tasks=len(tasks), seconds=seconds))
+    else:
+        many = f"{len(tasks)} tasks" if len(tasks) != 1 else "1 task"
+        print(f"{words}: {many} at first, about {lasting(seconds)} on {count} processes; nothing was run")
+    raise typer.Exit(0)
+
+
+def print_names(names: Iterable[str]) -> NoReturn:
+    """Print what an option takes, one a line, and end."""
+    print("\n".join(names))
+    raise typer.Exit(0)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from actin_xcheck.cli.conduct import command, study_command
+from actin_xcheck.cli.conduct import SceneWord, command, study_command
 from actin_xcheck.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ Steps = Annotated[list[float] | None, typer.Option(help="Of each file, in their 
 
 @study_command("judge")
 def judge(
-    scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
+    scene: SceneWord,
     files: Files,
     h: Steps = None,
     dt: Steps = None,
@@ -39,7 +39,7 @@ def judge(
 
     from actin_xcheck.scene.scene import load_scene
     from actin_xcheck.studies.judge import judge as study
-    from actin_xcheck.studies.theirs import read_theirs, sorted_by_step
+    from actin_xcheck.studies.judge.theirs import read_theirs, sorted_by_step
 
     loaded = load_scene(scene)
     for option, steps in (("--h", h), ("--dt", dt)):

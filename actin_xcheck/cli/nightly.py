@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.conduct import Json, Quiet, command, print_table
+from actin_xcheck.cli.conduct import Json, Listed, Quiet, command, print_names, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -39,6 +39,7 @@ def nightly_command(
     only: Annotated[
         list[str] | None, typer.Option(metavar="GLOB", help="Checks by name; may be given more than once.")
     ] = None,
+    listed: Listed = False,
     failed: Annotated[bool, typer.Option("--failed", help="Only what failed when it was run last.")] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the night that was interrupted.")
@@ -67,6 +68,8 @@ def nightly_command(
     from actin_xcheck.nightly.plan import Wish, suite
     from actin_xcheck.runs.executor import executor, jobs_asked
 
+    if listed:
+        print_names(item.name for item in suite())
     patterns, again = tuple(only or ()), command()
     wish = Wish(out_dir, budget, fault or "", baseline or "", patterns, failed, resume, again)
     processes = executor(jobs_asked(jobs, scheduler), scheduler)

@@ -14,6 +14,21 @@ class Answer(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
+class ListedScene(BaseModel):
+    """What a list says of a scene."""
+
+    name: str
+    citation: str
+    model: str
+
+
+class ScenesAnswer(Answer):
+    """`scenes`."""
+
+    command: Literal["scenes"] = "scenes"
+    scenes: tuple[ListedScene, ...]
+
+
 class SweepAnswer(Answer):
     """`sweep`."""
 
@@ -89,6 +104,16 @@ class ReportAnswer(Answer):
     """Of `compare`, by scene: the largest error of area and of total actin; null where not known."""
     values: tuple[ScenesValue, ...] = ()
     """Of `compare`: what the scenes come to."""
+
+
+class CostAnswer(Answer):
+    """Commands with `--dry-run`."""
+
+    command: str
+    tasks: int
+    """What is asked for first; of some studies that decides what is asked for next."""
+    seconds: float
+    """About what it takes on the processes there are."""
 
 
 class FailedClaim(Answer):

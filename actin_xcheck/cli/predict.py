@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from actin_xcheck.cli.conduct import study_command
+from actin_xcheck.cli.conduct import scene_word, study_command
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 
@@ -20,33 +20,46 @@ app = typer.Typer(
     help="Exact growth rates and thresholds of the disk, delta constant; a report of all linear theory.",
 )
 
-_DEFAULT = Parameters(psi=0.0, p=0.0)
-Psi = Annotated[float, typer.Option(help="Contractile tonicity, non-dimensional.")]
-P = Annotated[float, typer.Option(help="Pressure coefficient, non-dimensional.")]
-D = Annotated[float, typer.Option(help="Diffusion coefficient.", min=0.0)]
-ASat = Annotated[float, typer.Option(help="Saturation concentration.")]
-Mu1 = Annotated[float, typer.Option(help="Shear viscosity.")]
-Mu2 = Annotated[float, typer.Option(help="Bulk viscosity.")]
-Nu = Annotated[float, typer.Option(help="Poisson's ratio.")]
-ClosureOption = Annotated[Closure, typer.Option(help="Conditions on the rim.")]
-RheologyOption = Annotated[Rheology, typer.Option(help="Which displacement the elastic stress sees.")]
-DeltaOption = Annotated[Delta, typer.Option(help="Constant delta: none or full.")]
+
+def _scene_word(given: str | None) -> str | None:
+    return given and scene_word(given)
+
+
+SceneOption = Annotated[
+    str | None,
+    typer.Option("--scene", help="What is not given is this scene's; else Table 2's.", callback=_scene_word),
+]
+Psi = Annotated[float | None, typer.Option(help="Contractile tonicity, non-dimensional.")]
+P = Annotated[float | None, typer.Option(help="Pressure coefficient, non-dimensional.")]
+D = Annotated[float | None, typer.Option(help="Diffusion coefficient.", min=0.0)]
+ASat = Annotated[float | None, typer.Option(help="Saturation concentration.")]
+Mu1 = Annotated[float | None, typer.Option(help="Shear viscosity.")]
+Mu2 = Annotated[float | None, typer.Option(help="Bulk viscosity.")]
+Nu = Annotated[float | None, typer.Option(help="Poisson's ratio.")]
+ClosureOption = Annotated[
+    Closure | None, typer.Option(help="Conditions on the rim; default: reference-normal.")
+]
+RheologyOption = Annotated[
+    Rheology | None, typer.Option(help="Which displacement the elastic stress sees; default: viscoelastic.")
+]
+DeltaOption = Annotated[Delta | None, typer.Option(help="Constant delta, none or full; default: none.")]
 Modes = Annotated[str, typer.Option("--m", help="Angular numbers: 3, or 0:8 (inclusive).")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command("modes")
 def modes_command(
-    psi: Psi,
-    p: P,
-    d: D = _DEFAULT.d,
-    a_sat: ASat = _DEFAULT.a_sat,
-    mu1: Mu1 = _DEFAULT.mu1,
-    mu2: Mu2 = _DEFAULT.mu2,
-    nu: Nu = _DEFAULT.nu,
-    closure: ClosureOption = Closure.REFERENCE_NORMAL,
-    rheology: RheologyOption = Rheology.VISCOELASTIC,
-    delta: DeltaOption = Delta.NONE,
+    psi: Psi = None,
+    p: P = None,
+    d: D = None,
+    a_sat: ASat = None,
+    mu1: Mu1 = None,
+    mu2: Mu2 = None,
+    nu: Nu = None,
+    closure: ClosureOption = None,
+    rheology: RheologyOption = None,
+    delta: DeltaOption = None,
+    scene: SceneOption = None,
     m: Modes = "0:8",
     above: Annotated[float, typer.Option(help="Give all rates with a real part above this.")] = 0.0,
     as_json: Json = False,
@@ -57,7 +70,8 @@ def modes_command(
     from actin_xcheck.cli.conduct import print_table
     from actin_xcheck.theory.exact import DiskModes
 
-    model = _model(Parameters(psi, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    given = {"psi": psi, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
+    model = _model(scene, given, closure, rheology, delta)
     if not math.isfinite(above):
         raise UserError(f"--above: {above:g} is no number; valid: a finite number")
     found = []
@@ -68,8 +82,9 @@ def modes_command(
             raise UserError(f"--above: {error}") from None
         found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
     if as_json:
-        print(json.dumps({"modes": found, "complete": True}))
+        print(json.dumps({"modes": found, "complete": True, "conditions": _conditions(model)}))
         return
+    print(_in_words(_conditions(model)))
     if not found:
         print(f"no rate above {above:g} for m = {m}")
         return
@@ -81,15 +96,16 @@ def modes_command(
 
 @app.command("threshold")
 def threshold_command(
-    p: P,
-    d: D = _DEFAULT.d,
-    a_sat: ASat = _DEFAULT.a_sat,
-    mu1: Mu1 = _DEFAULT.mu1,
-    mu2: Mu2 = _DEFAULT.mu2,
-    nu: Nu = _DEFAULT.nu,
-    closure: ClosureOption = Closure.REFERENCE_NORMAL,
-    rheology: RheologyOption = Rheology.VISCOELASTIC,
-    delta: DeltaOption = Delta.NONE,
+    p: P = None,
+    d: D = None,
+    a_sat: ASat = None,
+    mu1: Mu1 = None,
+    mu2: Mu2 = None,
+    nu: Nu = None,
+    closure: ClosureOption = None,
+    rheology: RheologyOption = None,
+    delta: DeltaOption = None,
+    scene: SceneOption = None,
     m: Modes = "0:4",
     as_json: Json = False,
 ) -> None:
@@ -99,17 +115,22 @@ def threshold_command(
     from actin_xcheck.cli.conduct import print_table
     from actin_xcheck.theory.exact import lowest, threshold
 
-    model = _model(Parameters(0.0, p, d, a_sat, mu1, mu2, nu), closure, rheology, delta)
+    given = {"psi": 0.0, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
+    model = _model(scene, given, closure, rheology, delta)
     found = [threshold(model, number) for number in _numbers(m)]
+    first, conditions = lowest(found), _conditions(model)
+    del conditions["psi"]  # it is what is sought
     if as_json:
-        first = lowest(found)
         least = None if first is None else {"m": first.m, "psi": first.psi, "crossing": first.crossing}
-        print(json.dumps({"thresholds": [vars(one) for one in found], "lowest": least}))
+        said = {"thresholds": [vars(one) for one in found], "lowest": least, "conditions": conditions}
+        print(json.dumps(said))
         return
+    print(_in_words(conditions))
     table = Table("m", "psi", "omega", "", box=None)
     for one in found:
         numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
-        table.add_row(str(one.m), *numbers, one.reason)
+        mark = "lowest" if first is not None and one.m == first.m else ""
+        table.add_row(str(one.m), *numbers, ", ".join(filter(None, (mark, one.reason))))
     print_table(table)
 
 
@@ -122,10 +143,31 @@ def report() -> "Study":
     return atlas()
 
 
-def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: Delta) -> "Model":
-    """Check what the types do not."""
-    from actin_xcheck.core.model import Model
+def _model(
+    scene: str | None,
+    given: dict[str, float | None],
+    closure: Closure | None,
+    rheology: Rheology | None,
+    delta: Delta | None,
+) -> "Model":
+    """What is given, else what the scene says, else the defaults; checked where types do not."""
+    from dataclasses import asdict
 
+    from actin_xcheck.core.model import Model
+    from actin_xcheck.scene.scene import load_scene
+
+    values: dict[str, float] = {name: value for name, value in given.items() if value is not None}
+    if scene:
+        physics = load_scene(scene).physics
+        values = asdict(physics.parameters) | values
+        closure, rheology, delta = (
+            closure or physics.closure,
+            rheology or physics.rheology,
+            delta or physics.delta,
+        )
+    elif missing := [name for name in ("psi", "p") if name not in values]:
+        raise UserError(f"--{missing[0]}: is missing; valid: a number, or --scene")
+    parameters, delta = Parameters(**values), delta or Delta.NONE
     for option, value in {"--psi": parameters.psi, "--p": parameters.p}.items():
         if not abs(value) <= 1e6:
             raise UserError(f"{option}: {value:g} is out of range; valid: a number between -1e6 and 1e6")
@@ -139,7 +181,27 @@ def _model(parameters: Parameters, closure: Closure, rheology: Rheology, delta: 
         raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
     if delta not in {Delta.NONE, Delta.FULL}:
         raise UserError(f"--delta: {delta} varies in space; theory takes it constant; valid: none, full")
-    return Model(parameters, rheology, closure, delta)
+    return Model(parameters, rheology or Rheology.VISCOELASTIC, closure or Closure.REFERENCE_NORMAL, delta)
+
+
+def _conditions(model: "Model") -> dict[str, float | str]:
+    """All that a prediction depends on."""
+    from dataclasses import asdict
+
+    numbers = {name: value for name, value in asdict(model.parameters).items() if name != "l0"}
+    return {**numbers, "rheology": model.rheology, "closure": model.closure, "delta": model.delta}
+
+
+def _in_words(conditions: dict[str, float | str]) -> str:
+    words = (
+        f"delta {value}"
+        if name == "delta"
+        else str(value)
+        if isinstance(value, str)
+        else f"{name} = {value:g}"
+        for name, value in conditions.items()
+    )
+    return ", ".join(words)
 
 
 def _numbers(given: str) -> range:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from actin_xcheck.cli.conduct import (
+    DryRun,
     Dt,
     Force,
     Json,
@@ -15,7 +16,9 @@ from actin_xcheck.cli.conduct import (
     Rtol,
     check_step,
     command,
+    method_word,
     resuming_command,
+    scene_word,
     warn_of,
 )
 from actin_xcheck.core.errors import UserError
@@ -26,21 +29,38 @@ if TYPE_CHECKING:
     from actin_xcheck.core.errors import Outcome
     from actin_xcheck.core.mesh import Mesh
     from actin_xcheck.runs.fidelity import Reduction
-    from actin_xcheck.runs.numerics import Numerics
+    from actin_xcheck.runs.numerics import Numerics, Wanted
     from actin_xcheck.scene.scene import Scene
+
+DEFAULT_ACCURACY = 1e-3
+"""What a scene is run to where nothing is said of how."""
 
 WORTH_SAYING = 10.0
 """Seconds from which on it is said beforehand what a run will take."""
 
 
-SceneWord = Annotated[str, typer.Argument(help="A shipped name or a TOML file, [dimensional] in dyn, cm, s.")]
-MethodWord = Annotated[
+RunScene = Annotated[
     str,
-    typer.Option(help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own."),
+    typer.Argument(
+        help="A shipped name or its beginning, or a TOML file, [dimensional] in dyn, cm, s.",
+        callback=scene_word,
+    ),
 ]
-OutFile = Annotated[Path, typer.Option("--out", help="The .vtkhdf file to write.")]
+MethodWord = Annotated[
+    str | None,
+    typer.Option(
+        help=f"One of {', '.join(METHODS)}; with --accuracy fem, to choose among its own, as without.",
+        callback=lambda given: given and method_word(given),
+    ),
+]
+OutFile = Annotated[
+    Path | None, typer.Option("--out", help="The .vtkhdf file to write; default: SCENE--METHOD.vtkhdf.")
+]
 Accuracy = Annotated[
-    float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
+    float | None,
+    typer.Option(
+        help="Largest error of area, actin and probes; chooses mesh and steps.  Without --method 1e-3."
+    ),
 ]
 HowMuch = Annotated[
     Fidelity, typer.Option(help="How much of the model is solved; auto: what the scene needs.")
@@ -58,9 +78,9 @@ Resume = Annotated[
 
 
 def run_command(
-    scene: SceneWord,
-    method: MethodWord,
-    out_file: OutFile,
+    scene: RunScene,
+    method: MethodWord = None,
+    out_file: OutFile = None,
     refine: Refine = None,
     dt: Dt = None,
     rtol: Rtol = None,
@@ -70,11 +90,13 @@ def run_command(
     remesh: Remesh = False,
     resume: Resume = False,
     force: Force = False,
+    dry_run: DryRun = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Run one scene with one method; exit code 1 (and a file that says why) where the run fails.
 
+    Without --method the elements and steps are those that an --accuracy takes, 1e-3 where none is asked for.
     Ctrl-C ends it after the step, exit code 130; --resume goes on to what it would have been without, to the
     last bit, after a kill too.  So does the same command with --resume, repeated until the file is there.
     """
@@ -84,12 +106,19 @@ def run_command(
 
     check_step(dt)
     loaded = load_scene(scene)
+    if method is None:
+        _check_alone(refine, dt, rtol, mesh_file, remesh, resume)
+        method, accuracy = "fem", accuracy or DEFAULT_ACCURACY
     if accuracy is not None:
         _check_accuracy(accuracy, method, refine, dt, rtol, resume)
-    _check_out(out_file, force, resume)
+    out_file = out_file or Path(f"{loaded.name}--{method}.vtkhdf")
+    if not dry_run:
+        _check_out(out_file, force, resume)
     mesh = None if mesh_file is None else _outline(mesh_file, loaded, accuracy, fidelity, json)
     if remesh:
         _check_remesh(loaded, method, fidelity, mesh_file)
+    if dry_run:
+        _say_what_it_takes(loaded, Wanted(method, refine, dt, rtol, fidelity, mesh, remesh), accuracy, json)
     make_folder(out_file.parent)
     warn_of(loaded)
     if accuracy is not None:
@@ -129,6 +158,47 @@ def _run(
     else:
         print(f"{outcome.ending}: {outcome.message or out_file}")
     raise typer.Exit(0 if outcome.ok else 1)
+
+
+def _say_what_it_takes(scene: "Scene", wanted: "Wanted", accuracy: float | None, json: bool) -> NoReturn:
+    """Say what a run takes and run nothing; of an accuracy, what its first two levels take."""
+    from dataclasses import replace
+
+    from actin_xcheck.cli.conduct import lasting
+    from actin_xcheck.cli.output import CostAnswer, say
+    from actin_xcheck.runs.accuracy import first_two
+    from actin_xcheck.runs.numerics import run_seconds
+
+    levels = [wanted]
+    if accuracy is not None:
+        levels = [
+            replace(wanted, method=one.method.name, refine=one.refine, dt=scene.time.end, rtol=accuracy)
+            for one in first_two(accuracy)
+        ]
+    every = [one.on(scene) for one in levels]
+    seconds = sum(run_seconds(one, scene.output_times) for one in every)
+    if json:
+        say(CostAnswer(command="run", tasks=len(every), seconds=seconds))
+    else:
+        said = " and ".join(f"{one.method.name}, {one.words}" for one in every)
+        more = " at least" if accuracy is not None else ""
+        print(f"{scene.name}: {said}: about {lasting(seconds)}{more}; nothing was run")
+    raise typer.Exit(0)
+
+
+def _check_alone(
+    refine: int | None,
+    dt: float | None,
+    rtol: float | None,
+    mesh_file: Path | None,
+    remesh: bool,
+    resume: bool,
+) -> None:
+    """UserError where numerics are given for no method."""
+    chosen = {"--refine": refine, "--dt": dt, "--rtol": rtol, "--mesh": mesh_file, "--remesh": remesh or None}
+    chosen["--resume"] = resume or None
+    if given := [name for name, value in chosen.items() if value is not None]:
+        raise UserError(f"{given[0]}: of which method? valid: with --method, or without for --accuracy")
 
 
 def _check_out(out_file: Path, force: bool, resume: bool) -> None:

@@ -13,14 +13,20 @@ from actin_xcheck.cli.conduct import (
     Dt,
     Force,
     Json,
+    Listed,
     Methods,
     Only,
     Quiet,
     Refine,
     Rtol,
     Scenes,
+    SceneWord,
     check_step,
     command,
+    each,
+    method_word,
+    print_names,
+    scene_word,
     study_command,
     warn_of,
 )
@@ -124,6 +130,7 @@ def paper(
     only: Annotated[
         list[str] | None, typer.Option(help="One row, such as fig14 or eq3.7; may be given more than once.")
     ] = None,
+    listed: Listed = False,
 ) -> "Study":
     """Hold every equation, table, figure and number of the article against what is computed here.
 
@@ -135,6 +142,8 @@ def paper(
     from actin_xcheck.studies.audit import article
 
     rows = article()
+    if listed:
+        print_names(rows)
     for key in only or ():
         if key not in rows:
             some = ", ".join(get_close_matches(key, rows, 3) or list(rows)[:5])
@@ -180,7 +189,7 @@ def distort(scenes: Scenes = None, methods: Methods = None) -> "Study":
 
 
 @study_command("extremes")
-def extremes(only: Only = None) -> "Study":
+def extremes(only: Only = None, listed: Listed = False) -> "Study":
     """Run the article's strongest contractions and Section 6 in both rheologies, and say how they end.
 
     When 1 + div u reaches zero the model has ended: its time is found by two kinds of elements on three
@@ -194,6 +203,8 @@ def extremes(only: Only = None) -> "Study":
 
     every = trials()
     known = sorted({trial.scene for trial in every})
+    if listed:
+        print_names(known)
     for name in only or ():
         if name not in known:
             raise UserError(f"--only: {name!r} is not in the study; valid: {', '.join(known)}")
@@ -222,7 +233,7 @@ def closures(methods: Methods = None) -> "Study":
 
 
 @study_command("faults")
-def faults(only: Only = None) -> "Study":
+def faults(only: Only = None, listed: Listed = False) -> "Study":
     """Switch deliberate faults on one by one and see that the harness turns red for each.
 
     Dilution dropped, signs turned, geometry stale, tolerances loose: about ninety faults, on small scenes all
@@ -230,8 +241,10 @@ def faults(only: Only = None) -> "Study":
     all is green without a fault and every fault is caught, 1 when not.
     """
     from actin_xcheck.studies.checks import SUITE
-    from actin_xcheck.studies.faults import find_faults, hunt
+    from actin_xcheck.studies.faults import FAULTS, find_faults, hunt
 
+    if listed:
+        print_names(FAULTS)
     return hunt(find_faults(only), SUITE)
 
 
@@ -241,7 +254,7 @@ FRONTIER_METHODS = ("fem-p1-paper", "fem-p4-imex4", "fv-coupled")
 @study_command("frontier")
 def frontier(
     scene: Annotated[
-        str, typer.Option(help="A shipped name or the path of a TOML file.")
+        str, typer.Option(help="A shipped name or the path of a TOML file.", callback=scene_word)
     ] = "fig14-four-fronts",
     over: Annotated[
         list[str] | None,
@@ -270,7 +283,7 @@ def frontier(
 
 @study_command("chart")
 def chart(
-    scene: Annotated[str, typer.Argument(help="A shipped name or the path of a TOML file.")],
+    scene: SceneWord,
     methods: Methods = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer points, in about a minute.")] = False,
 ) -> "Study":
@@ -332,7 +345,9 @@ def coverage(
 
 def sweep_command(
     file: Annotated[Path, typer.Argument(help="A TOML file of ranges over a scene, or of scenes.")],
-    method: Annotated[list[str], typer.Option(help="May be given more than once.")],
+    method: Annotated[
+        list[str], typer.Option(help="May be given more than once.", callback=each(method_word))
+    ],
     out_dir: Annotated[
         Path | None, typer.Option("--out", help="Folder for the results; one that is there goes on.")
     ] = None,

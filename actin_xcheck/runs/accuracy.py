@@ -242,6 +242,12 @@ class _Climb:
         return SMALL * self.accuracy if self.reduction.fidelity is Fidelity.MODAL else 0.0
 
 
+def first_two(accuracy: float) -> tuple[AccuracyLevel, ...]:
+    """The levels that a run to an accuracy begins with, but on a ray."""
+    first = _first_of(LEVELS, accuracy)
+    return LEVELS[first : first + 2]
+
+
 def _first_of(levels: Sequence[AccuracyLevel], accuracy: float) -> int:
     """The number of the level to begin with: the change from it to the next one is small enough."""
     fit = (n for n, level in enumerate(levels) if BOTH * level.worth <= accuracy)

@@ -143,12 +143,10 @@ def run(
     Parameters
     ----------
     scene, numerics : what is run, and how.
-    path : the `.vtkhdf` file to write (replaced atomically where it exists).
-    command : what reproduces the run.
-    progress : called after every step.
+    path, command : the `.vtkhdf` file to write, replaced atomically, and what reproduces it.
+    progress, stop : called, and asked, after every step; what is not 0 ends it there, as `interrupted`.
     resume : whether to go on from the checkpoint that an interrupted run of the same kind has left, to the
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
-    stop : asked after every step; what is not 0 ends the run there, as `interrupted`.
     passing : whether it will be compared and thrown away: without polarity (nan) and checkpoints.
     pictures : of its film, evenly through its time beside those of the output times, where steps end.
 

@@ -8,20 +8,16 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import nan
-from pathlib import Path
 
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
-from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
-from actin_xcheck.runs.accuracy import deliver
-from actin_xcheck.runs.numerics import command
-from actin_xcheck.runs.store import read_run
-from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.judge.theirs import INTEGRALS, SAME_TIME, Theirs
+from actin_xcheck.studies.judge.truth import Truth, TruthAsked, known_alone, true_value, truth
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
-from actin_xcheck.studies.theirs import INTEGRALS, SAME_TIME, Theirs, columns_of
 from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.final import FinalValue, in_a_sentence, percent
 from actin_xcheck.verdicts.known import ROUND_OFF, known
@@ -41,57 +37,6 @@ DENSE = 10
 """Rows of a series from which lag, amplitude, balance and growth are read off."""
 
 TRUTH_SECONDS = 10.0
-
-
-@dataclass(frozen=True)
-class TruthAsked:
-    """A scene and the accuracy to which it is to be run."""
-
-    scene: str
-    origin: str
-    accuracy: float
-
-    @property
-    def file(self) -> str:
-        """Where the run goes, in the study's folder."""
-        return f"truth-{self.accuracy:.0e}.vtkhdf"
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What is true of a scene, by a run.
-
-    Attributes
-    ----------
-    error : to what it is known; nan where the run ended before its time.
-    times : of its rows, (n,).
-    names, values : of its columns (k,), and these one after the other, (k n,).
-    """
-
-    error: float
-    times: tuple[float, ...]
-    names: tuple[str, ...]
-    values: tuple[float, ...]
-
-    @property
-    def columns(self) -> dict[str, Array]:
-        """Columns (n,) by name."""
-        return dict(zip(self.names, np.array(self.values).reshape(len(self.names), -1), strict=True))
-
-
-def truth(asked: TruthAsked, folder: Path) -> Truth:
-    """Run a scene to an accuracy, or to the best there is, and leave the run in the folder."""
-    scene, path = parse_scene(asked.scene, asked.origin), folder / asked.file
-    made = command("run", asked.origin, method="fem", accuracy=asked.accuracy, out=asked.file)
-    try:
-        reached = deliver(scene, asked.accuracy, path, made)
-        error = reached.estimate if reached.outcome.ok else nan
-    except UserError:  # out of reach: the file has what was
-        error = float(read_run(path).attributes["error_estimate"])
-    run = read_run(path)
-    columns = columns_of(run, scene)
-    values = np.concatenate(list(columns.values())).tolist()
-    return Truth(error, tuple(run.series["time"].tolist()), tuple(columns), tuple(values))
 
 
 @dataclass(frozen=True)
@@ -160,7 +105,7 @@ def judge(scene: Scene, files: Sequence[Theirs], within: float, order: float, ty
 def _apparent(scene: Scene, best: Theirs, run: Truth) -> float:
     """The middle one of the errors that only a run tells, those aside that are round-off; inf without any."""
     end = scene.output_times[-1]
-    errors = [_error(scene, best, name, run) for name in best.columns if not _known(scene, name, end)]
+    errors = [_error(scene, best, name, run) for name in best.columns if not known_alone(scene, name, end)]
     return float(np.median([one for one in errors if one > ROUND_OFF] or [np.inf]))
 
 
@@ -175,39 +120,8 @@ _ANSWERS = (
 )
 
 
-def _known(scene: Scene, name: str, t: float) -> tuple[float, float, str] | None:
-    """What is known of a column without a run: value, uncertainty and origin."""
-    quantity, part = name, 0
-    if name.startswith("probe_"):
-        k, what = name.split("_")[1:]
-        quantity = "probe_a" if what == "a" else "probe_x"
-        part = int(k) - 1 if what == "a" else 2 * (int(k) - 1) + "xy".index(what)
-    if quantity not in (*INTEGRALS, "probe_a", "probe_x"):
-        return None
-    found = known(scene, quantity, t)
-    if found is None or not np.isfinite(found.values[part]):
-        return None
-    return float(found.values[part]), found.uncertainty, found.origin
-
-
-def _true(scene: Scene, name: str, t: float, run: Truth) -> tuple[float, float, str] | None:
-    """The truth of a column at an output time: what is known, else what the run says; None without either."""
-    if found := _known(scene, name, t):
-        return found
-    times = np.array(run.times)
-    at = int(np.argmin(np.abs(times - t)))
-    if name not in run.columns or abs(times[at] - t) > SAME_TIME * scene.output_times[-1]:
-        return None
-    value = run.columns[name][at]
-    return (
-        float(value),
-        run.error * (abs(float(value)) if name in INTEGRALS else 1.0),
-        f"a run to {run.error:.0e}",
-    )
-
-
 def _origin(scene: Scene, best: Theirs) -> str:
-    origins = (_known(scene, name, scene.output_times[-1]) for name in best.columns)
+    origins = (known_alone(scene, name, scene.output_times[-1]) for name in best.columns)
     return " and ".join(dict.fromkeys([*(f"the {one[2]}" for one in origins if one), "a run of ours"]))
 
 
@@ -215,7 +129,7 @@ def _differences(scene: Scene, one: Theirs, name: str, run: Truth) -> tuple[Arra
     """Output times (n,) and theirs less the truth there (n,), relative for integrals."""
     end, times, found = scene.output_times[-1], [], []
     for t in scene.output_times:
-        true, row = _true(scene, name, t, run), one.at(t)
+        true, row = true_value(scene, name, t, run), one.at(t)
         if true and abs(one.times[row] - t) <= SAME_TIME * end:
             times.append(t)
             found.append((one.columns[name][row] - true[0]) / (abs(true[0]) if name in INTEGRALS else 1.0))
@@ -237,7 +151,7 @@ def _rows(scene: Scene, files: Sequence[Theirs], run: Truth) -> list[JudgedValue
         told = len(having) > 1 and np.isfinite(steps).all()
         orders = [nan, *(local_orders(steps, errors).tolist() if told else [nan] * (len(having) - 1))]
         for one, error, order in zip(having, errors, orders, strict=True):
-            true, row = _true(scene, name, end, run), one.at(end)
+            true, row = true_value(scene, name, end, run), one.at(end)
             reached = abs(one.times[row] - end) <= SAME_TIME * end
             lag, amplitude = _lag(one, name, run)
             rows.append(
@@ -282,7 +196,7 @@ def _finals(scene: Scene, best: Theirs, run: Truth, rows: Sequence[JudgedValue])
     """The answers of the finest file in the words of all answers."""
     found = []
     for row in (one for one in rows if one.file == best.name):
-        if true := _true(scene, row.quantity, row.time, run):
+        if true := true_value(scene, row.quantity, row.time, run):
             change = [other.theirs for other in rows if other.quantity == row.quantity][-2:]
             spread = abs(change[1] - change[0]) if len(change) > 1 and np.isfinite(row.order) else nan
             mine = Corner(best.name, row.theirs, spread, "the change from the file before", row.order)
@@ -329,28 +243,38 @@ def _claims(
         relative = "relative error" if row.quantity in INTEGRALS else "error"
         words = f"{row.quantity.replace('_', ' ')} is true to {percent(within)} at all output times"
         note = f"the truth is known to {row.known_to:.1e}"
-        kind, quantity = ClaimKind.REFERENCE, row.quantity
-        yield claim(kind, quantity, f"{words} ({relative}, largest)", row.error, within, note)
+        quantity, statement = row.quantity, f"{words} ({relative}, largest)"
+        yield claim(ClaimKind.REFERENCE, quantity, statement, row.error, within, note)
         if np.isfinite(row.order):
-            words = f"its error falls with the declared order (distance of {row.order:.2f} from it)"
-            value, bound = abs(row.order - order), RIGHT
-            note = "from the two finest files"
+            words = f"{quantity.replace('_', ' ')}: its error falls with order {order:g} ({row.order:.2f})"
+            value, bound, note = abs(row.order - order), RIGHT, "from the two finest files"
             if np.isnan(order):
-                words, value, bound = "the order of its error", row.order, nan
+                words, value, bound = f"{quantity.replace('_', ' ')}: the order of its error", row.order, nan
                 note = "no order is declared: --order"
-            kind = ClaimKind.ORDER_DT if np.isnan(best.h) else ClaimKind.ORDER_H
-            yield claim(kind, quantity, f"{quantity.replace('_', ' ')}: {words}", value, bound, note)
-    if {*INTEGRALS} <= best.columns.keys() and len(best.times) >= DENSE and not scene.source_term:
-        value = _balance(scene, best)
-        words = (
-            "total actin obeys its balance, d/dt = area less total actin"
-            if scene.model.reaction
-            else ("total actin is conserved")
-        )
+            yield claim(
+                ClaimKind.ORDER_DT if np.isnan(best.h) else ClaimKind.ORDER_H,
+                quantity,
+                words,
+                value,
+                bound,
+                note,
+            )
+    yield from (claim(*one) for one in _of_series(scene, best, within))
+
+
+def _of_series(
+    scene: Scene, best: Theirs, within: float
+) -> Iterator[tuple[ClaimKind, str, str, float, float, str]]:
+    """What is claimed of a whole series: balance and growth."""
+    if len(best.times) < DENSE:
+        return
+    if {*INTEGRALS} <= best.columns.keys() and not scene.source_term:
+        made = "obeys its balance, d/dt = area less total actin" if scene.model.reaction else "is conserved"
         note = "relative, by the trapezoidal rule over the rows"
-        yield claim(ClaimKind.CONSERVATION, "total_actin", words, value, within, note)
-    if scene.expect.growth_rate and len(best.times) >= DENSE and "mode_amplitude" in best.columns:
-        yield claim(ClaimKind.GROWTH_RATE, "growth_rate", *_growth(scene, best), within, "relative")
+        value = _balance(scene, best)
+        yield ClaimKind.CONSERVATION, "total_actin", f"total actin {made}", value, within, note
+    if scene.expect.growth_rate and "mode_amplitude" in best.columns:
+        yield ClaimKind.GROWTH_RATE, "growth_rate", *_growth(scene, best), within, "relative"
 
 
 def _balance(scene: Scene, one: Theirs) -> float:
