@@ -1,24 +1,25 @@
 """What one step costs: FiPy as a plain script would use it, ours, and the finite elements.
 
-    python -m benchmarks.fv_step [STEPS]
+    python -m benchmarks.fv_step [--refine 4 5 6] [--steps 9]
 
-Fig. 14's cell at 1024, 4096 and 16384 triangles; processor time of one thread, medians of STEPS steps (9 if
-not given), the contenders taking turns.  A step of ours that loads the force balance is split: the mechanics
-is the finite elements', transport is the rest.
+Fig. 14's cell at 4^(refine + 1) triangles; processor time of one thread, medians of the steps, the contenders
+taking turns.  A step is split into its force balance, which is the finite elements' but for `fv`, and
+transport, the rest.  Behind the table: how the cost of each grows with the number of cells.
 """
 
 import actin_xcheck  # noqa: F401, I001 - pins BLAS to one thread, which must happen before numpy's import
 
-import sys
+import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
 from typing import Any
 
 import numpy as np
 
 from actin_xcheck.core.mesh import signed_areas
-from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.method import FORCE_BALANCE, FV_FORCE_BALANCE, METHODS, load
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
@@ -26,7 +27,7 @@ from actin_xcheck.core.contract import Move, State
 from fv.mesh import Faces, fipy
 
 SCENE, DT = load_scene("fig14-four-fronts"), 1.0228e-3
-METHOD_NAMES = ("fv-coupled", "fv-order2", "fem-p1-paper")
+METHOD_NAMES = ("fv-coupled", "fv-order2", "fv", "fem-p1-paper", "fem-p1-imex2")
 PLAIN = "plain FiPy"
 
 
@@ -54,6 +55,23 @@ class PlainScript:
             raise RuntimeError("FiPy did not solve")
 
 
+SPENT = {"mechanics": 0.0}
+"""Seconds in force balances."""
+
+
+def timed(move: Callable[..., Move]) -> Callable[..., Move]:
+    """What adds its time to `SPENT`."""
+
+    @wraps(move)
+    def moved(*arguments: Any) -> Move:
+        began = time.process_time()
+        found = move(*arguments)
+        SPENT["mechanics"] += time.process_time() - began
+        return found
+
+    return moved
+
+
 @dataclass
 class Contender:
     """A method under the clock."""
@@ -65,28 +83,15 @@ class Contender:
 
     def __post_init__(self) -> None:
         self.solver = bind(SCENE, Numerics(METHODS[self.name], self.refine, DT))
-        self._spent = 0.0
-        mechanics = self.solver.mechanics  # type: ignore[attr-defined]
-        for name in ("advance", "flow"):
-            setattr(mechanics, name, self._timed(getattr(mechanics, name)))
         self.state = self.step(self.solver.init())
         self.whole, self.mechanics = [], []
 
-    def _timed(self, move: Callable[..., Move]) -> Callable[..., Move]:
-        def timed(*arguments: Any) -> Move:
-            began = time.process_time()
-            moved = move(*arguments)
-            self._spent += time.process_time() - began
-            return moved
-
-        return timed
-
     def step(self, state: State) -> State:
         """One step, timed."""
-        self._spent, began = 0.0, time.process_time()
+        before, began = SPENT["mechanics"], time.process_time()
         new, outcome = self.solver.step(state, DT)
         self.whole.append(time.process_time() - began)
-        self.mechanics.append(self._spent)
+        self.mechanics.append(SPENT["mechanics"] - before)
         if not outcome.ok:
             raise RuntimeError(outcome.message)
         return new
@@ -110,16 +115,32 @@ def measure(refine: int, steps: int) -> dict[str, tuple[float, float]]:
     return found
 
 
-def main(steps: int) -> None:
-    """Print one table: milliseconds, and ratios to the plain script's step."""
-    print(f"{'cells':>6} {'':14} {'step ms':>8} {'transport':>10} ms  step and transport over plain")
-    for refine in (4, 5, 6):
+def main(refines: Sequence[int], steps: int) -> None:
+    """Print one table: milliseconds, and ratios of the whole step to others'; then exponents."""
+    for target in (FORCE_BALANCE, FV_FORCE_BALANCE):
+        balance = load(target)
+        for name in ("advance", "flow"):
+            setattr(balance, name, timed(getattr(balance, name)))
+    others = ("fv-order2", "fem-p1-imex2")
+    print(f"{'cells':>6} {'':14} {'step ms':>8} {'transport':>13}  over {', '.join(others)}; plain transport")
+    took: dict[str, list[float]] = {}
+    for refine in refines:
         found = measure(refine, steps)
         _, plain = found[PLAIN]
         for name, (whole, transport) in found.items():
-            ratios = f"{whole / plain:17.2f} {transport / plain:10.2f}"
-            print(f"{4 ** (refine + 1):6} {name:14} {whole:8.1f} {transport:13.1f} {ratios}")
+            over = [whole / found[other][0] for other in others] + [transport / plain]
+            ratios = " ".join(f"{ratio:10.2f}" for ratio in over)
+            print(f"{4 ** (refine + 1):6} {name:14} {whole:8.1f} {transport:13.1f} {ratios}", flush=True)
+            took.setdefault(name, []).append(whole)
+    if len(refines) > 1:
+        for name in METHOD_NAMES:
+            exponent = np.polyfit(np.log(4.0) * np.array(refines), np.log(took[name]), 1)[0]
+            print(f"{name}: cost grows like cells^{exponent:.2f}")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 9)
+    parser = argparse.ArgumentParser(description="What one step costs.")
+    parser.add_argument("--refine", type=int, nargs="+", default=[4, 5, 6])
+    parser.add_argument("--steps", type=int, default=9)
+    given = parser.parse_args()
+    main(given.refine, given.steps)

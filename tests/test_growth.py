@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.method import METHODS
@@ -15,6 +16,7 @@ from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import shipped_scenes
 from actin_xcheck.theory.dispersion import Mode, growth_rates, leading_growth_rate
 from actin_xcheck.theory.eigenfields import growth_rate
+from actin_xcheck.theory.exact import threshold
 from actin_xcheck.theory.growth import amplitude_at_rest, extrapolate, fit_growth
 from actin_xcheck.verdicts.judge import judge
 from tests.lab import FEM, FV, film_of, linear_model, scene_of
@@ -112,6 +114,7 @@ def test_extrapolation_takes_complex_rates_and_shows_what_it_cannot_follow() -> 
 
 
 NIGHTLY = pytest.mark.nightly
+OWN = "fv"
 WALL_MODES = [
     ("mode-11-wall", 1.5101),
     ("mode-11-wall-270", 16.3038),
@@ -153,22 +156,25 @@ def test_theory_gives_the_published_rates(name, rate):
     assert leading_growth_rate(scene.physics, *scene.mode).real == pytest.approx(rate, abs=6e-5)
 
 
-def by_both(names, by_volumes):
-    """Scenes by both codes: the force balance that differs beyond `by_volumes` is lent by the elements."""
-    others = [name for name in names if name not in by_volumes]
-    volumes = [
-        *((name, FV) for name in by_volumes),
-        *(pytest.param(name, FV, marks=NIGHTLY) for name in others),
-    ]
-    return [*((name, FEM) for name in names), *volumes]
+OWN_LEVELS = [(3, 20), (4, 20), (5, 20), (4, 10), (4, 40)]
+"""Meshes and steps of volumes of second order in time, which take few."""
+
+OWN_LEVELS_OF_PAIRS = [(3, 40), (4, 40), (5, 40), (3, 80), (4, 80), (5, 80), (4, 160)]
+
+
+def by_each(names):
+    """Scenes by both codes; at night by volumes to which the elements lend their force balance, too."""
+    lent = [pytest.param(name, FV, marks=NIGHTLY) for name in names]
+    return [*((name, method) for name in names for method in (FEM, OWN)), *lent]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "method"), by_both(dict(WALL_MODES), ["mode-21-wall-270"]))
+@pytest.mark.parametrize(("name", "method"), by_each(dict(WALL_MODES)))
 def test_extrapolated_rates_of_both_codes_are_the_predicted_ones(name, method):
     """Extrapolated in h^2 and in dt, dt^2 from five runs each: within 0.2 %."""
     scene = load_scene(name)
-    limit = limit_of(scene, method, [(3, 80), (4, 80), (5, 80), (4, 160), (4, 320)])
+    levels = OWN_LEVELS if method == OWN else [(3, 80), (4, 80), (5, 80), (4, 160), (4, 320)]
+    limit = limit_of(scene, method, levels)
     assert limit / leading_growth_rate(scene.physics, *scene.mode).real == pytest.approx(1, abs=0.002)
 
 
@@ -176,14 +182,39 @@ CELL_MODES = [name for name in shipped_scenes() if name.startswith("mode") and n
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "method"), by_both(CELL_MODES, ["mode-1-free-cell", "mode-2-cell"]))
+@pytest.mark.parametrize(("name", "method"), by_each(CELL_MODES))
 def test_extrapolated_rates_of_the_moving_cell_are_the_exact_ones(name, method):
     """Within 0.2 % where the rate is real and 0.5 % for a conjugate pair, growth and frequency together."""
     scene = load_scene(name)
     exact = growth_rate(scene.physics, *scene.mode)
-    grid = [(5, 80), (5, 160), (4, 80), (4, 160), (4, 320)]
-    levels = [*grid, (6, 80)] if exact.imag else [*grid, (3, 80), (3, 160)]
+    if method == OWN:
+        levels = OWN_LEVELS_OF_PAIRS if exact.imag else OWN_LEVELS
+    else:
+        grid = [(5, 80), (5, 160), (4, 80), (4, 160), (4, 320)]
+        levels = [*grid, (6, 80)] if exact.imag else [*grid, (3, 80), (3, 160)]
     assert abs(limit_of(scene, method, levels) - exact) < (0.005 if exact.imag else 0.002) * abs(exact)
+
+
+def threshold_of(scene, refine, steps, near):
+    """The psi at which the mode neither grows nor decays in short runs by volumes, by bisection."""
+    end = 2.2 / threshold(scene.physics, scene.mode[0]).omega
+    short = scene.varied({"time.end": end, "expect.growth_rate.window": [0.0, end]}, "test.toml")
+
+    def growth(psi):
+        there = short.varied({"parameters.psi": psi}, "test.toml")
+        return measured_rate(there, OWN, refine, end / steps).real
+
+    return brentq(growth, 0.98 * near, 1.15 * near, rtol=2e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mode-11-wall", "mode-21-wall-270", "mode-1-cell", "mode-2-cell"])
+def test_modes_grow_by_volumes_beyond_the_predicted_thresholds(name):
+    """Of the wall and of the moving cell, extrapolated in h^2 from two meshes: within 0.5 %."""
+    scene = load_scene(name)
+    exact = threshold(scene.physics, scene.mode[0]).psi
+    coarse, fine = (threshold_of(scene, refine, 40, exact) for refine in (3, 4))
+    assert (4 * fine - coarse) / 3 == pytest.approx(exact, rel=0.005)
 
 
 def test_a_start_at_rest_excites_both_roots():
