@@ -16,6 +16,7 @@ from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.kernels import CellSample
+from fem.rim import FreeRim, carried
 from fem.space import CELLWISE, Space
 
 PAIRS = ((0, 1), (1, 2), (2, 0))
@@ -39,6 +40,17 @@ class _System:
     def matrix(self) -> sp.csr_matrix:
         """A + dt B."""
         return self.balance.matrix(self.x, self.moduli)
+
+    def forces(self, v: Array) -> Array:
+        """A + dt B times a velocity, both (2, N), without what the closure and the gauge make of it."""
+        space = self.balance.space
+        if space.order < CELLWISE:
+            return _nodal(self.matrix @ v.T.ravel())
+        sample = space.gradients.at(self.x)
+        strain, dilation = sample.strain(v)
+        return _nodal(
+            space.vectors.vector(sample.stress_load(self.moduli[1] * dilation, self.moduli[0] * strain))
+        )
 
 
 @dataclass(frozen=True)
@@ -74,6 +86,7 @@ class ForceBalance:
         free = self.constraint.pattern
         self._solver = SymmetricSolver(free.rows, free.columns, self.constraint.parts)
         self._anchor = Anchor(self.space.xi)
+        self.free_rim = FreeRim(model, self.space) if carried(model) else None
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
@@ -103,12 +116,32 @@ class ForceBalance:
 
         Velocities that are about those, (2, N), make it fast.
         """
-        system = self.assemble(x, corners, 0.0)
+        return self._flow(t, x, self.assemble(x, corners, 0.0), about)[0]
+
+    def flow_across(
+        self, t: float, x: Array, corners: Array, across: Array, about: Array | None
+    ) -> tuple[Move, Array]:
+        """Return the same where the free rim's F N (2, q, e) is known, and its rate."""
+        rim = self.free_rim
+        assert rim is not None
+        inverse = rim.inverse(x, across)
+        dilation = 2 - np.trace(inverse)
+        system = self.assemble(x, corners, 0.0, dilation)
+        move, load = self._flow(t, x, system, about)
+        if load is None:
+            return move, np.zeros_like(across)
+        a = self.space.on_rim.blend(corners[:, self.space.rim_cells])
+        inside, beyond = self.delta[self.space.rim_cells], self.model.delta_on_rim()
+        jump = self.model.active_stress(a, dilation, beyond) - self.model.active_stress(a, dilation, inside)
+        return move, rim.rate(x, move.v, across, inverse, jump, system.forces(move.v) - _nodal(load))
+
+    def _flow(self, t: float, x: Array, system: _System, about: Array | None) -> tuple[Move, Array | None]:
+        """The velocities, and the load (2 N,) with what the gauge takes of it; None where there are none."""
         outcome = self.model.dilated(t, system.dilation, self._place)
         if not outcome.ok:
-            return Move(x, np.zeros_like(x), outcome)
+            return Move(x, np.zeros_like(x), outcome), None
         v, gauge, outcome = self._rates(x, system, about)
-        return Move(x, v, outcome, gauge.force, gauge.torque)
+        return Move(x, v, outcome, gauge.force, gauge.torque), gauge.load
 
     def settle(self, x: Array) -> Array:
         """Put rim nodes back onto the wall of `irrotational-wall`."""
@@ -134,19 +167,25 @@ class ForceBalance:
         v = weights * q[constraint.unknown]
         if self.model.closure is Closure.TRACTION_FREE:
             v = self._without_rigid_motion(x, v)
-        return v.reshape(-1, 2).T, gauge, outcome
+        return _nodal(v), gauge, outcome
 
     def _factor(self, x: Array) -> Preconditioner | None:
         """Of A at x (2, N); dt B is small beside it."""
         matrix = self.matrix(x, self.model.viscous_moduli())
         return self._solver.preconditioner(self.constraint.reduce(self.constraint.weights(x), matrix))
 
-    def assemble(self, x: Array, corners: Array, dt: float) -> _System:
-        """Return A + dt B, F - B u and the dilation on the configuration x, unconstrained."""
-        inside, rim = self.space.inside, self.space.on_rim
-        return self.system(x, inside.blend(corners), rim.blend(corners[:, self.space.rim_cells]), dt)
+    def assemble(self, x: Array, corners: Array, dt: float, rim_dilation: Array | None = None) -> _System:
+        """Return A + dt B, F - B u and the dilation on the configuration x, unconstrained.
 
-    def system(self, x: Array, a: Array, a_rim: Array, dt: float) -> _System:
+        The dilation at the rim's points (q, e) is the trace of the one inside where it is not known better.
+        """
+        inside, rim = self.space.inside, self.space.on_rim
+        on_rim = rim.blend(corners[:, self.space.rim_cells])
+        return self.system(x, inside.blend(corners), on_rim, dt, rim_dilation)
+
+    def system(
+        self, x: Array, a: Array, a_rim: Array, dt: float, rim_dilation: Array | None = None
+    ) -> _System:
         """Return the same for concentrations at the points of the cells (q, e) and of the rim."""
         model, space, u = self.model, self.space, self.displacement(x)
         (mu1, mu2), (one, nu_prime) = model.viscous_moduli(), model.elastic_moduli()
@@ -155,7 +194,8 @@ class ForceBalance:
         strain, dilation = inside.strain(u)
         f = model.active_stress(a, dilation, self.delta)
         load = space.vectors.vector(-inside.stress_load(f + nu_prime * dilation, one * strain))
-        _, rim_dilation = rim.strain(u)
+        if rim_dilation is None:
+            _, rim_dilation = rim.strain(u)
         rim_load = rim.normal_load(model.active_stress(a_rim, rim_dilation, model.delta_on_rim()))
         if model.closure is Closure.IRROTATIONAL_WALL:
             rim_load -= one * np.einsum("aibje,jbe->aie", rim.friction(), u[:, space.on_rim.cells])
@@ -201,6 +241,11 @@ class ForceBalance:
     def _place(self, cell: int) -> str:
         where = self.mesh.centroids[:, cell]
         return f"in the triangle that started at ({where[0]:.3f}, {where[1]:.3f})"
+
+
+def _nodal(interleaved: Array) -> Array:
+    """Vectors at the nodes (2, N) from unknowns (2 N,)."""
+    return interleaved.reshape(-1, 2).T
 
 
 class CellNetwork:

@@ -200,7 +200,9 @@ class Remeshing:
         x, v = solver.mechanics.settle(reading.of(inner.x)), reading.of(inner.v)
         a, outcome = projected(old, space, x, inner.a, before.total_actin)
         content = TransportMatrices(space, x).mass @ a
-        new = replace(inner, x=x, a=a, v=v, content=content, anchor=Anchor(x))
+        was, rim = part.solver.free_rim, solver.free_rim
+        across = inner.across if was is None or rim is None else rim.read(was, inner.across)
+        new = replace(inner, x=x, a=a, v=v, content=content, across=across, anchor=Anchor(x))
         change = state.area_change + abs(measure(space, x, a).area / before.area - 1)
         counted = replace(state, remeshings=state.remeshings + 1, area_change=change, limit=SLIVER)
         return _outer(counted, Part(solver, self._shown), new), outcome

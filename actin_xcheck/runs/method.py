@@ -60,6 +60,7 @@ class Method:
     options : further arguments of the solver by name, among them `space` where elements are not P1.
     adaptive : whether it estimates its error in time, so that it can choose its steps.
     mechanics : "module:Class" of the force balance that moves its nodes: the finite elements', or one's own.
+    knows_rim : whether it knows the dilation of a free rim to the order of positions, see `fem/rim.py`.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Method:
     options: tuple[tuple[str, int], ...] = ()
     adaptive: bool = False
     mechanics: str = FORCE_BALANCE
+    knows_rim: bool = False
 
     @property
     def space(self) -> int:
@@ -93,6 +95,7 @@ def _imex(space: int, time: int) -> Method:
         f"P{space} elements on curved cells, additive Runge-Kutta pair of order {time} with step control",
         (("space", space), ("time", time)),
         adaptive=True,
+        knows_rim=True,
     )
 
 

@@ -225,15 +225,15 @@ def why_not(scene: Scene, method: Method, quantity: Quantity) -> str:
     return ""
 
 
-def orders_lost_in_h(scene: Scene) -> int:
-    """Orders that no element reaches in a scene: 1 where the load of a free viscoelastic rim sees phi.
+def orders_lost_in_h(scene: Scene, knows_rim: bool) -> int:
+    """Orders lost in a scene: 1 where the load of a free viscoelastic rim sees phi, but for who knows that.
 
     The rim's load is then an integral of f(phi) w.n, and phi = div u has a trace of order k in P_k:
-    positions, and with them everything, fall from k + 1 to k.
+    positions, and with them everything, fall from k + 1 to k.  A method that `knows_rim` carries phi there.
     """
     fixed = scene.motion is not None or scene.physics.closure is Closure.IRROTATIONAL_WALL
     elastic = scene.physics.rheology is Rheology.VISCOELASTIC
-    return int(elastic and scene.parameters.p != 0 and not fixed)
+    return int(elastic and scene.parameters.p != 0 and not fixed and not knows_rim)
 
 
 def _flux_at_start(scene: Scene) -> float:

@@ -98,7 +98,7 @@ class Refinement:
         """The order of the method, in h as far as the scene lets it come."""
         if self.refined is Refined.DT:
             return self.method.order_dt
-        return max(self.method.order_h - orders_lost_in_h(self.scene), 0)
+        return max(self.method.order_h - orders_lost_in_h(self.scene, self.method.knows_rim), 0)
 
     @property
     def at_least(self) -> bool:
