@@ -16,7 +16,7 @@ from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.kernels import CellSample
-from fem.rim import FreeRim, carried
+from fem.rim import FreeRim
 from fem.space import CELLWISE, Space
 
 PAIRS = ((0, 1), (1, 2), (2, 0))
@@ -86,7 +86,7 @@ class ForceBalance:
         free = self.constraint.pattern
         self._solver = SymmetricSolver(free.rows, free.columns, self.constraint.parts)
         self._anchor = Anchor(self.space.xi)
-        self.free_rim = FreeRim(model, self.space) if carried(model) else None
+        self.free_rim = FreeRim(model, self.space) if model.rim_sees_dilation else None
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""

@@ -28,18 +28,12 @@ from numpy.polynomial.legendre import Legendre, legvander
 
 from actin_xcheck.core.contract import Problem
 from actin_xcheck.core.lagrange import lobatto
-from actin_xcheck.core.model import Array, Closure, Model, Rheology
+from actin_xcheck.core.model import Array, Closure, Model
 from fem.boundary import rim_directions
 from fem.space import Space
 
 DEPTH, DEGREE = 0.1, 8
 """Length inwards, at most, and degree of what stands for an initial displacement to be differentiated."""
-
-
-def carried(model: Model) -> bool:
-    """Whether the load sees the dilation of a free rim."""
-    elastic = model.rheology is Rheology.VISCOELASTIC and model.parameters.p != 0
-    return elastic and model.closure is not Closure.IRROTATIONAL_WALL
 
 
 class FreeRim:

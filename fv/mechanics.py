@@ -27,7 +27,8 @@ from actin_xcheck.core.motion import Anchor
 from fv import krylov
 from fv.boundary import Ties, settle
 from fv.mesh import Faces
-from fv.stress import Assembly, Diamonds, Moduli, divergence, traction
+from fv.rim import FreeRim
+from fv.stress import Assembly, Diamonds, Moduli, divergence, normal_derivative, traction
 from fv.system import System
 
 
@@ -38,12 +39,14 @@ class _Loads:
     Attributes
     ----------
     on_faces : (sigma_e + f I) S, (2, n_faces).
+    elastic : of on_faces, sigma_e S.
     on_rim : f S outside of the boundary's faces, and the wall's friction, (2, n_boundary).
     jump : of the velocity's normal derivative across the ring's faces, (2, n_ring).
     dilation : the smallest one of each cell, (n_cells,).
     """
 
     on_faces: Array
+    elastic: Array
     on_rim: Array
     jump: Array
     dilation: Array
@@ -51,9 +54,10 @@ class _Loads:
 
 @dataclass(frozen=True)
 class PlacesMove(Move):
-    """A `Move` with the velocities found at the places, (2 n_places,)."""
+    """A `Move` with the velocities found at the places, (2 n_places,), and the rate of F N on a free rim."""
 
     at_places: Array = field(default_factory=lambda: np.zeros(0))
+    across: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
 
 class FvForceBalance:
@@ -74,6 +78,8 @@ class FvForceBalance:
         first, second = faces.cells[:, faces.interior]
         self.ring = faces.interior[self.delta[first] != self.delta[second]]
         self._anchor, self._guess = Anchor(mesh.xi), np.zeros(2 * self.ties.places)
+        self.free_rim = FreeRim(model, faces, self.ties.on_rim) if model.rim_sees_dilation else None
+        self._across = np.zeros((2, 0))
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
@@ -105,13 +111,14 @@ class FvForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def near(self, anchor: Anchor, guess: Array | None) -> Self:
+    def near(self, anchor: Anchor, guess: Array | None, across: Array) -> Self:
         """Return the same, its systems preconditioned at an anchor, solutions sought near a guess at places.
 
-        Without a guess (2 n_places,) they are sought near zero.
+        Without a guess (2 n_places,) they are sought near zero.  Where a free rim's F N (2, n_rim) is not
+        empty its load takes the dilation from there.
         """
         other = copy(self)
-        other._anchor = anchor
+        other._anchor, other._across = anchor, across
         if guess is not None:
             other._guess = guess
         return other
@@ -129,8 +136,14 @@ class FvForceBalance:
         load[:, -self.faces.rim.size :] += loads.on_rim
         load = load.T.ravel() - system.from_vertices(system.projected(kink))
         found, outcome = system.solve(load, self._guess, self._factor)
-        v = system.without_rigid_motion(system.at_vertices(found) + system.projected(kink))
-        return PlacesMove(x, v, outcome, *system.net(found), at_places=found)
+        moved = system.at_vertices(found) + system.projected(kink)
+        v = system.without_rigid_motion(moved)
+        across = self._across
+        if self.free_rim is not None and across.size:
+            viscous = traction(diamonds.gradient(found.reshape(-1, 2).T, moved), diamonds.area, moduli)
+            force = (viscous + loads.elastic)[:, self.free_rim.faces]
+            across = self.free_rim.rate(x, v, across, force)
+        return PlacesMove(x, v, outcome, *system.net(found), at_places=found, across=across)
 
     def _factor(self) -> krylov.Inverse | None:
         """Of the two-point part at the anchor."""
@@ -151,6 +164,8 @@ class FvForceBalance:
         gradient = diamonds.gradient(at_places, u)
         elastic = traction(gradient, area, model.elastic_moduli())
         phi = divergence(gradient)
+        if self.free_rim is not None and self._across.size:
+            phi[self.free_rim.faces] = self.free_rim.dilation(x, self._across)
         # both sides of a face; on the ring each side has its own gradient
         first, second = faces.cells[0], np.where(faces.cells[1] < 0, faces.cells[0], faces.cells[1])
         own = _gradients(x, self.mesh, u)
@@ -165,11 +180,13 @@ class FvForceBalance:
             traction(own[:, :, cells[ring]], area[:, ring], model.elastic_moduli())
             for cells in (first, second)
         ]
+        length = np.hypot(*area[:, ring])
         across = (f[1] - f[0])[ring] * area[:, ring] + own_elastic[1] - own_elastic[0]
         return _Loads(
             on_faces=mean * area + elastic,
+            elastic=elastic,
             on_rim=self._on_rim(area, a, phi, at_places[:, -faces.rim.size :]),
-            jump=_jump(across, area[:, ring], moduli),
+            jump=-normal_derivative(across / length, area[:, ring] / length, moduli),
             dilation=np.minimum(dilation, self._least(phi)),
         )
 
@@ -225,16 +242,3 @@ def _gradients(x: Array, mesh: Mesh, u: Array) -> Array:
     along = np.array([-one[1], one[0]]) / twice
     gradients: Array = first[:, None] * across + second[:, None] * along
     return gradients
-
-
-def _jump(across: Array, area: Array, moduli: Moduli) -> Array:
-    """The jump g of the normal derivative that cancels a jump of tractions `across` areas S, both (2, n).
-
-    (m1/2) (g + n n.g) + m2 n n.g = -across/|S|.
-    """
-    m1, m2 = moduli
-    length = np.hypot(*area)
-    n = area / np.where(length > 0, length, 1.0)
-    stress = -across / length
-    normal = (stress * n).sum(axis=0) * n
-    return (stress - normal) * 2 / m1 + normal / (m1 + m2)

@@ -47,9 +47,11 @@ class FvState(State):
     corner_values : those of their reconstruction, (3, n_cells).
     anchor : where the finite volumes' own force balance is preconditioned in the next step.
     history : what that found in the steps before.
+    across : F N on a free rim, see `rim.py`, (2, n_rim); empty where its load does not see the dilation.
     """
 
     corner_values: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    across: Array = field(default_factory=lambda: np.zeros((2, 0)))
     anchor: Anchor | None = None
     history: History = field(default_factory=History.none)
 
@@ -84,8 +86,13 @@ class FvDiamond(Polygonal[FvState]):
         if not orientation(self.mesh, 0.0, x).ok:  # the time loop will say so; there is nothing to fit
             return FvState(0.0, x, a, np.zeros_like(x), corner_values=np.broadcast_to(a, (3, a.size)))
         corners = reconstruct(self.mesh.triangles, a, vertex_interpolation(self.faces, x) @ a)
-        v = self.mechanics.velocity(0.0, x, corners)
-        return FvState(0.0, x, a, v, corner_values=corners, anchor=Anchor(x))
+        start = FvState(0.0, x, a, np.zeros_like(x), corner_values=corners, anchor=Anchor(x))
+        start = replace(start, across=self.across_at_start())
+        return replace(start, v=self.moved_by(start, [], []).velocity(0.0, x, corners))
+
+    def across_at_start(self) -> Array:
+        """F N on a free rim at t = 0, (2, n_rim): backward Euler steps do without."""
+        return np.zeros((2, 0))
 
     def moved_by(self, state: FvState, times: list[float], moves: list[Move]) -> Mechanics:
         """The mechanics, our own force balance preconditioned where the state says, near what it will find.
@@ -97,7 +104,8 @@ class FvDiamond(Polygonal[FvState]):
         """
         if state.anchor is None or not isinstance(self.mechanics, FvForceBalance):
             return self.mechanics
-        return self.mechanics.near(state.anchor, state.history.guess(times, _at_places(moves)))
+        guess = state.history.guess(times, _at_places(moves))
+        return self.mechanics.near(state.anchor, guess, state.across)
 
     def next_anchor(self, old: FvState, x: Array, solves: int) -> Anchor | None:
         """Where to precondition after a step of so many force balances that led to x (2, N)."""
@@ -129,7 +137,11 @@ class FvDiamond(Polygonal[FvState]):
     def memento(self, state: FvState) -> Memento:
         """The state, the corner values that load the next force balance and where that is preconditioned."""
         where = {} if state.anchor is None else {"anchor": state.anchor.x}
-        before = {"history_times": state.history.times, "history": state.history.found}
+        before = {
+            "history_times": state.history.times,
+            "history": state.history.found,
+            "across": state.across,
+        }
         return {**remembered(state), "corner_values": state.corner_values, **where, **before}
 
     def restored(self, memento: Memento) -> FvState:
@@ -140,6 +152,7 @@ class FvDiamond(Polygonal[FvState]):
             corner_values=memento["corner_values"],
             anchor=anchor,
             history=History(memento["history_times"], memento["history"]),
+            across=memento["across"],
         )
 
     def _transport(self, old: FvState, new: FvState, dt: float) -> tuple[FvState, Outcome]:
@@ -248,8 +261,8 @@ class FvSecondOrder(FvDiamond):
             rates.append(self._rate(here, times, rates))
             outcome = rates[-1].outcome
             if outcome.ok:
-                x = self._place(state, dt, stage, rates)
-                here = replace(here, t=state.t + stage.at * dt, x=x, v=rates[-1].v)
+                x, across = self._place(state, dt, stage, rates), self._across(state, dt, stage, rates)
+                here = replace(here, t=state.t + stage.at * dt, x=x, v=rates[-1].v, across=across)
                 outcome = orientation(self.mesh, here.t, here.x)
             if outcome.ok:
                 carried = start + _blend(stage.implicit, [solution.change for solution in solutions])
@@ -260,6 +273,11 @@ class FvSecondOrder(FvDiamond):
                 return here, outcome
         here = replace(here, history=state.history.extended(times, _at_places(rates)))
         return self._concluded(state, here, dt, rates, solutions), outcome
+
+    def across_at_start(self) -> Array:
+        """That of the initial displacement."""
+        rim = self.mechanics.free_rim if isinstance(self.mechanics, FvForceBalance) else None
+        return super().across_at_start() if rim is None else rim.start(self.problem.u0)
 
     def _rate(self, here: FvState, times: list[float], rates: list[Move]) -> Move:
         """Velocities of the nodes now; of no use where the motion is prescribed."""
@@ -273,6 +291,14 @@ class FvSecondOrder(FvDiamond):
             return self.mechanics.advance(state.t, stage.at * dt, state.x, self.corners(state)).x
         velocity = _blend(stage.explicit, [move.v for move in rates])
         return self.mechanics.settle(state.x + dt * velocity)
+
+    def _across(self, state: FvState, dt: float, stage: _Stage, rates: list[Move]) -> Array:
+        """F N on a free rim at a stage, (2, n_rim)."""
+        if not state.across.size:
+            return state.across
+        changes = [move.across for move in rates if isinstance(move, PlacesMove)]
+        across: Array = state.across + dt * _blend(stage.explicit, changes)
+        return across
 
     def _solve(
         self, here: FvState, dt: float, carried: Array, inverse: krylov.Inverse | None

@@ -104,6 +104,17 @@ def traction(gradient: Array, area: Array, moduli: Moduli) -> Array:
     return found
 
 
+def normal_derivative(stress: Array, n: Array, moduli: Moduli) -> Array:
+    """The g (2, n) whose gradient g n has a traction (2, n) on unit normals n (2, n).
+
+    (m1/2) (g + n n.g) + m2 n n.g = stress.
+    """
+    m1, m2 = moduli
+    normal = (stress * n).sum(axis=0) * n
+    derivative: Array = (stress - normal) * 2 / m1 + normal / (m1 + m2)
+    return derivative
+
+
 class Assembly:
     """Sums of what faces do to the places on both sides, on a fixed topology.
 

@@ -63,6 +63,12 @@ class Model:
         """f = sigma(a) + p(a): the isotropic stress whose gradient drives the network (B.4)."""
         return self.contractility(a) + self.pressure(a, phi, delta)
 
+    @property
+    def rim_sees_dilation(self) -> bool:
+        """Whether the load on a free rim depends on the dilation there: p(a) of (2.5) does where u counts."""
+        elastic = self.rheology is Rheology.VISCOELASTIC and self.parameters.p != 0
+        return elastic and self.closure is not Closure.IRROTATIONAL_WALL
+
     def reaction_rate(self) -> float:
         """k_a in units of (3.1): 1, or 0 where the scene switches polymerisation off."""
         return 1.0 if self.reaction else 0.0

@@ -119,6 +119,7 @@ METHODS = {
             "finite volumes throughout: a force balance of their own, FiPy's transport, second order in time",
             adaptive=True,
             mechanics=FV_FORCE_BALANCE,
+            knows_rim=True,
         ),
         Method(
             "fv-paper",

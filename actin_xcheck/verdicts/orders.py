@@ -45,7 +45,7 @@ from scipy.stats import linregress
 from scipy.stats import t as student
 
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.parameters import CAVEATS, Closure, Delta, Rheology
+from actin_xcheck.core.parameters import CAVEATS, Delta, Rheology
 from actin_xcheck.runs.method import Method
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import in_scene_frame, resolve
@@ -231,9 +231,7 @@ def orders_lost_in_h(scene: Scene, knows_rim: bool) -> int:
     The rim's load is then an integral of f(phi) w.n, and phi = div u has a trace of order k in P_k:
     positions, and with them everything, fall from k + 1 to k.  A method that `knows_rim` carries phi there.
     """
-    fixed = scene.motion is not None or scene.physics.closure is Closure.IRROTATIONAL_WALL
-    elastic = scene.physics.rheology is Rheology.VISCOELASTIC
-    return int(elastic and scene.parameters.p != 0 and not fixed and not knows_rim)
+    return int(scene.motion is None and scene.physics.rim_sees_dilation and not knows_rim)
 
 
 def _flux_at_start(scene: Scene) -> float:
