@@ -99,7 +99,7 @@ class FemImex:
         xi = self.space.xi
         x, a = self.mechanics.start(xi + self.problem.u0(xi)), self.problem.a0(xi)
         anchor = Anchor(x)
-        across = np.zeros((2, 0, 0)) if self.free_rim is None else self.free_rim.start(self.problem)
+        across = np.zeros((2, 0, 0)) if self.free_rim is None else self.free_rim.start(self.problem.u0)
         move, _ = self._near(anchor)._flow(0.0, x, a, across, None)
         return ImexState(0.0, x, a, move.v, content=self._mass(x) @ a, across=across, anchor=anchor)
 

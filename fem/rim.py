@@ -21,12 +21,12 @@ keep order k + 1: docs/methods.md.
 Arrays at the rim's points: components i, points q, edges e.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 
-from actin_xcheck.core.contract import Problem
 from actin_xcheck.core.lagrange import lobatto
 from actin_xcheck.core.model import Array, Closure, Model
 from fem.boundary import rim_directions
@@ -59,8 +59,8 @@ class FreeRim:
         derivative = np.einsum("ijqe,je->iqe", rule.tangent_map(nodal), rule.direction)
         return np.broadcast_to(derivative, (2, len(rule.weights), derivative.shape[2]))
 
-    def start(self, problem: Problem) -> Array:
-        """F N at t = 0, (2, q, e): the initial displacement's slope, looked at from inside."""
+    def start(self, u0: Callable[[Array], Array]) -> Array:
+        """F N (2, q, e) of an initial displacement of material points (2, n) -> (2, n), seen from inside."""
         inwards = lobatto(DEGREE)
         slope = np.linalg.solve(
             legvander(2 * inwards - 1, DEGREE).T,
@@ -68,7 +68,7 @@ class FreeRim:
         )
         depth = min(DEPTH, 1 - self.model.parameters.l0)
         places = self.points[..., None] - depth * inwards * self.normals[..., None]
-        u = problem.u0(places.reshape(2, -1)).reshape(places.shape)
+        u = u0(places.reshape(2, -1)).reshape(places.shape)
         start: Array = self.normals - u @ slope / depth
         return start
 
