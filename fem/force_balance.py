@@ -1,5 +1,6 @@
 """The force balance (B.21) as a Mechanics: it takes a concentration and moves the nodes."""
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,7 +9,7 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
-from actin_xcheck.core.contract import Move
+from actin_xcheck.core.contract import NOTHING, Move
 from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.linear import Operator, Preconditioner, SymmetricSolver, bincount
 from actin_xcheck.core.mesh import Indices, Mesh
@@ -111,37 +112,37 @@ class ForceBalance:
         """Return the instantaneous velocities of A v = F - B u (B.21), (2, N)."""
         return self.flow(t, x, corners).v
 
-    def flow(self, t: float, x: Array, corners: Array, about: Array | None = None) -> Move:
+    def carried(self, u0: Callable[[Array], Array]) -> Array:
+        """F N on a free rim whose load sees the dilation, (2, q, e); see `rim.py`."""
+        return NOTHING if self.free_rim is None else self.free_rim.start(u0)
+
+    def flow(
+        self, t: float, x: Array, corners: Array, carried: Array = NOTHING, about: Array | None = None
+    ) -> Move:
         """Return the same as a Move that leaves the nodes at x, with its Outcome and the gauge's loads.
 
-        Velocities that are about those, (2, N), make it fast.
+        Without what is carried the rim's load takes the trace of the dilation.  Velocities that are about
+        those, (2, N), make it fast.
         """
-        return self._flow(t, x, self.assemble(x, corners, 0.0), about)[0]
-
-    def flow_across(
-        self, t: float, x: Array, corners: Array, across: Array, about: Array | None
-    ) -> tuple[Move, Array]:
-        """Return the same where the free rim's F N (2, q, e) is known, and its rate."""
-        rim = self.free_rim
-        assert rim is not None
-        inverse = rim.inverse(x, across)
-        dilation = 2 - np.trace(inverse)
+        rim = self.free_rim if carried.size else None
+        dilation = None if rim is None else rim.dilation(x, carried)
         system = self.assemble(x, corners, 0.0, dilation)
-        move, load = self._flow(t, x, system, about)
-        if load is None:
-            return move, np.zeros_like(across)
-        a = self.space.on_rim.blend(corners[:, self.space.rim_cells])
-        inside, beyond = self.delta[self.space.rim_cells], self.model.delta_on_rim()
-        jump = self.model.active_stress(a, dilation, beyond) - self.model.active_stress(a, dilation, inside)
-        return move, rim.rate(x, move.v, across, inverse, jump, system.forces(move.v) - _nodal(load))
-
-    def _flow(self, t: float, x: Array, system: _System, about: Array | None) -> tuple[Move, Array | None]:
-        """The velocities, and the load (2 N,) with what the gauge takes of it; None where there are none."""
         outcome = self.model.dilated(t, system.dilation, self._place)
         if not outcome.ok:
-            return Move(x, np.zeros_like(x), outcome), None
+            return Move(x, np.zeros_like(x), outcome)
         v, gauge, outcome = self._rates(x, system, about)
-        return Move(x, v, outcome, gauge.force, gauge.torque), gauge.load
+        rate = NOTHING
+        if rim is not None and dilation is not None:
+            a = self.space.on_rim.blend(corners[:, self.space.rim_cells])
+            forces = system.forces(v) - _nodal(gauge.load)
+            rate = rim.rate(x, v, carried, self._jump(a, dilation), forces)
+        return Move(x, v, outcome, gauge.force, gauge.torque, rate)
+
+    def _jump(self, a: Array, dilation: Array) -> Array:
+        """What f jumps by on the rim, from inside to what its load takes, (q, e)."""
+        inside, model = self.delta[self.space.rim_cells], self.model
+        beyond = model.active_stress(a, dilation, model.delta_on_rim())
+        return beyond - model.active_stress(a, dilation, inside)
 
     def settle(self, x: Array) -> Array:
         """Put rim nodes back onto the wall of `irrotational-wall`."""

@@ -39,7 +39,6 @@ from actin_xcheck.core.motion import Anchor, PrescribedMotion
 from actin_xcheck.core.observables import Measures
 from fem.fields import Lattice, cell_means, locate, measure, orientation
 from fem.force_balance import ForceBalance
-from fem.rim import FreeRim
 from fem.solver import TransportMatrices, TransportSolver
 from fem.space import CELLWISE, Space
 from fem.tableaux import TABLEAUX
@@ -49,22 +48,19 @@ from fem.tableaux import TABLEAUX
 class ImexState(State):
     """A `State` with nodal values `a` (N,) and P = M a, (N,).
 
-    `anchor` is where the next step's systems are preconditioned, as in `FemState`; `across` is what a free
-    rim carries, see `rim.py`, (2, q, e), empty where its load does not see the dilation.
+    `anchor` is where the next step's systems are preconditioned, as in `FemState`.
     """
 
     content: Array = field(default_factory=lambda: np.zeros(0))
-    across: Array = field(default_factory=lambda: np.zeros((2, 0, 0)))
     anchor: Anchor | None = None
 
 
 @dataclass(frozen=True)
 class _Stage:
-    """What a stage adds to the step: how nodes and rim move, G (N,), and the gain of total actin."""
+    """What a stage adds to the step: how nodes move, G (N,), and the gain of total actin it stands for."""
 
     a: Array
     move: Move
-    across: Array
     rate: Array
     gain: float
 
@@ -83,9 +79,8 @@ class FemImex:
     def __init__(self, problem: Problem, mesh: Mesh, mechanics: Mechanics, space: int, time: int) -> None:
         self.problem, self.mesh, self.mechanics = problem, mesh, mechanics
         self.tableau = TABLEAUX[time]
-        self.free_rim: FreeRim | None = None
         if isinstance(mechanics, ForceBalance):
-            self.space, self.free_rim = mechanics.space, mechanics.free_rim
+            self.space = mechanics.space
         else:
             self.space = Space.on(mesh, space, problem.model.parameters.l0)
         if isinstance(mechanics, PrescribedMotion):
@@ -99,9 +94,9 @@ class FemImex:
         xi = self.space.xi
         x, a = self.mechanics.start(xi + self.problem.u0(xi)), self.problem.a0(xi)
         anchor = Anchor(x)
-        across = np.zeros((2, 0, 0)) if self.free_rim is None else self.free_rim.start(self.problem.u0)
-        move, _ = self._near(anchor)._flow(0.0, x, a, across, None)
-        return ImexState(0.0, x, a, move.v, content=self._mass(x) @ a, across=across, anchor=anchor)
+        carried = self.mechanics.carried(self.problem.u0)
+        move = self._near(anchor)._flow(0.0, x, a, carried, None)
+        return ImexState(0.0, x, a, move.v, carried=carried, content=self._mass(x) @ a, anchor=anchor)
 
     def corners(self, state: ImexState) -> Array:
         """Values (3, n_cells) at the corners of the cells."""
@@ -148,27 +143,25 @@ class FemImex:
             content = state.content + dt * sum(
                 w * s.rate for w, s in zip(pair.implicit[i], stages, strict=False)
             )
-            across = state.across + dt * sum(
-                w * s.across for w, s in zip(pair.explicit[i], stages, strict=False)
+            carried = state.carried + dt * sum(
+                w * s.move.carried for w, s in zip(pair.explicit[i], stages, strict=False)
             )
             t = state.t + pair.c[i] * dt
             if not (outcome := orientation(self.space, t, x)).ok:
                 return state, outcome
             about = self._about(pair.ahead[i], stages)
-            stages.append(self._stage(t, dt * pair.gamma, x, content, across, about))
+            stages.append(self._stage(t, dt * pair.gamma, x, content, carried, about))
         return self._combined(state, dt, stages)
 
     def memento(self, state: ImexState) -> Memento:
         """The state with P, which is no function of a to the last bit, and where it is preconditioned."""
         assert state.anchor is not None
-        return {
-            **remembered(state), "content": state.content, "across": state.across, "anchor": state.anchor.x
-        }  # fmt: skip
+        return {**remembered(state), "content": state.content, "anchor": state.anchor.x}
 
     def restored(self, memento: Memento) -> ImexState:
         """The state again."""
         known, anchor = recalled(memento), Anchor(memento["anchor"])
-        return ImexState(**known, content=memento["content"], across=memento["across"], anchor=anchor)
+        return ImexState(**known, content=memento["content"], anchor=anchor)
 
     def _near(self, anchor: Anchor | None) -> Self:
         """Return the same, its systems preconditioned at an anchor."""
@@ -181,11 +174,11 @@ class FemImex:
     def _first(self, state: ImexState) -> _Stage:
         """The stage at the old state: explicit in both."""
         about = state.v if self._knows else None
-        move, across = self._flow(state.t, state.x, state.a, state.across, about)
+        move = self._flow(state.t, state.x, state.a, state.carried, about)
         stiffness = TransportMatrices(self.space, state.x).stiffness
         gain, total = self._gain(state.t, state.x), self._rate() * state.content
         rate = gain - total - self.problem.model.parameters.d * (stiffness @ state.a)
-        return _Stage(state.a, move, across, rate, float(gain.sum() - total.sum()))
+        return _Stage(state.a, move, rate, float(gain.sum() - total.sum()))
 
     def _stage(
         self,
@@ -193,7 +186,7 @@ class FemImex:
         dt: float,
         x: Array,
         content: Array,
-        across: Array,
+        carried: Array,
         about: tuple[Array | None, Array | None],
     ) -> _Stage:
         """Solve M a = content + dt G(t, x, a) for a, then ask how the nodes move under it.
@@ -205,11 +198,8 @@ class FemImex:
         left, right = matrices.combined(1 + dt * k, dt * d), content + dt * gain
         a, outcome = self._solver.solve(left, right, dt * d / (1 + dt * k), self._anchor, about[0])
         a, new = matrices.kept(a, right.sum() / (1 + dt * k))
-        if outcome.ok:
-            move, across = self._flow(t, x, a, across, about[1])
-        else:
-            move = Move(x, np.zeros_like(x), outcome)
-        return _Stage(a, move, across, (new - content) / dt, float(gain.sum() - k * new.sum()))
+        move = self._flow(t, x, a, carried, about[1]) if outcome.ok else Move(x, np.zeros_like(x), outcome)
+        return _Stage(a, move, (new - content) / dt, float(gain.sum() - k * new.sum()))
 
     def _about(self, weights: Array, stages: list[_Stage]) -> tuple[Array | None, Array | None]:
         """About what a and v of the next stage are."""
@@ -223,14 +213,11 @@ class FemImex:
         """Whether solutions near are used: on meshes of a few large cells."""
         return self.space.order >= CELLWISE
 
-    def _flow(self, t: float, x: Array, a: Array, across: Array, about: Array | None) -> tuple[Move, Array]:
-        """How nodes (2, N) and what a free rim carries move."""
+    def _flow(self, t: float, x: Array, a: Array, carried: Array, about: Array | None) -> Move:
         corners = a[self.space.cells]
-        if not isinstance(self.mechanics, ForceBalance):
-            return self.mechanics.flow(t, x, corners), across
-        if self.free_rim is None:
-            return self.mechanics.flow(t, x, corners, about), across
-        return self.mechanics.flow_across(t, x, corners, across, about)
+        if about is not None and isinstance(self.mechanics, ForceBalance):
+            return self.mechanics.flow(t, x, corners, carried, about)
+        return self.mechanics.flow(t, x, corners, carried)
 
     def _combined(self, old: ImexState, dt: float, stages: list[_Stage]) -> tuple[ImexState, Outcome]:
         pair, last = self.tableau, stages[-1].move
@@ -240,7 +227,7 @@ class FemImex:
         rates = np.array([stage.rate for stage in stages])
         x = self.mechanics.settle(old.x + dt * np.tensordot(pair.b, velocities, 1))
         content = old.content + dt * pair.b @ rates
-        across = old.across + dt * sum(w * stage.across for w, stage in zip(pair.b, stages, strict=True))
+        carried = old.carried + dt * sum(w * s.move.carried for w, s in zip(pair.b, stages, strict=True))
         if not (outcome := orientation(self.space, old.t + dt, x)).ok:
             return old, outcome
         matrices = TransportMatrices(self.space, x)
@@ -258,7 +245,7 @@ class FemImex:
             anchor = Anchor(x)
         new = ImexState(
             old.t + dt, x, a, last.v, (content.sum() - before - gained) / content.sum(),
-            last.net_force, last.net_torque, float(max(moved, spread)), content, across, anchor,
+            last.net_force, last.net_torque, float(max(moved, spread)), carried, content, anchor,
         )  # fmt: skip
         return new, outcome
 

@@ -195,14 +195,14 @@ class Remeshing:
         shrunk = np.sqrt(before.area / measure(shown, shown.xi, np.ones(shown.xi.shape[1])).area)
         edge = self._edge * min(shrunk, 1.0)
         mesh, space = remeshed(old, inner.x, model.parameters.l0, edge)
-        solver = self.build(mesh, Rebalanced(model, mesh, space))
+        balance = Rebalanced(model, mesh, space)
+        solver = self.build(mesh, balance)
         reading = Reading.at(old, space.xi)
         x, v = solver.mechanics.settle(reading.of(inner.x)), reading.of(inner.v)
         a, outcome = projected(old, space, x, inner.a, before.total_actin)
         content = TransportMatrices(space, x).mass @ a
-        was, rim = part.solver.free_rim, solver.free_rim
-        across = inner.across if was is None or rim is None else rim.read(was, inner.across)
-        new = replace(inner, x=x, a=a, v=v, content=content, across=across, anchor=Anchor(x))
+        carried = balance.carried_from(part.solver.mechanics, inner.carried)
+        new = replace(inner, x=x, a=a, v=v, carried=carried, content=content, anchor=Anchor(x))
         change = state.area_change + abs(measure(space, x, a).area / before.area - 1)
         counted = replace(state, remeshings=state.remeshings + 1, area_change=change, limit=SLIVER)
         return _outer(counted, Part(solver, self._shown), new), outcome

@@ -79,13 +79,17 @@ class FreeRim:
         rows = np.array([[across[1], -across[0]], [-along[1], along[0]]]) / determinant
         return np.einsum("aiqe,ajqe->ijqe", np.array([self.along_at_rest, self.normals]), rows)
 
-    def rate(self, x: Array, v: Array, across: Array, inverse: Array, jump: Array, residual: Array) -> Array:
+    def dilation(self, x: Array, across: Array) -> Array:
+        """phi = 2 - tr F^-1, (q, e)."""
+        return np.asarray(2 - np.trace(self.inverse(x, across)), np.float64)
+
+    def rate(self, x: Array, v: Array, across: Array, jump: Array, residual: Array) -> Array:
         """(grad v) F N (2, q, e) of velocities v (2, N).
 
         Parameters
         ----------
         x : node positions (2, N).
-        across, inverse : F N and F^-1.
+        across : F N.
         jump : of f from inside to what the rim's load takes, (q, e).
         residual : of the force balance without its closure, at the nodes, (2, N).
         """
@@ -94,7 +98,7 @@ class FreeRim:
         length = np.hypot(*x_s)
         tau, v_tau = x_s / length, self.along(v) / length
         n = np.array([tau[1], -tau[0]])
-        grad_u = np.eye(2)[..., None, None] - inverse
+        grad_u = np.eye(2)[..., None, None] - self.inverse(x, across)
         strain = (grad_u + grad_u.swapaxes(0, 1)) / 2
         elastic = one * np.einsum("ijqe,jqe->iqe", strain, n) + nu_prime * np.trace(grad_u) * n
         traction = self._reaction(x, residual) / length + jump * n - elastic

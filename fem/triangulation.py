@@ -199,6 +199,12 @@ class Rebalanced(ForceBalance):
         super().__init__(model, mesh, space.order, space)
         self.delta = model.delta_on_cells(space.farthest(model.parameters.l0))
 
+    def carried_from(self, other: object, carried: Array) -> Array:
+        """What another mesh's force balance carries, on this one."""
+        if not isinstance(other, ForceBalance) or self.free_rim is None or other.free_rim is None:
+            return carried
+        return self.free_rim.read(other.free_rim, carried)
+
 
 FINE = 8
 """Points that stand for an edge's length of a curve."""

@@ -14,13 +14,14 @@ the two sides' f its mean, weighted by the places' distances, in the face's bala
 jump of the derivative is, which the interpolation at the ring's vertices takes out of the outer values.
 """
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 
-from actin_xcheck.core.contract import Move
+from actin_xcheck.core.contract import NOTHING, Move
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
@@ -54,10 +55,9 @@ class _Loads:
 
 @dataclass(frozen=True)
 class PlacesMove(Move):
-    """A `Move` with the velocities found at the places, (2 n_places,), and the rate of F N on a free rim."""
+    """A `Move` with the velocities found at the places, (2 n_places,)."""
 
-    at_places: Array = field(default_factory=lambda: np.zeros(0))
-    across: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    at_places: Array = field(default_factory=lambda: NOTHING)
 
 
 class FvForceBalance:
@@ -79,7 +79,6 @@ class FvForceBalance:
         self.ring = faces.interior[self.delta[first] != self.delta[second]]
         self._anchor, self._guess = Anchor(mesh.xi), np.zeros(2 * self.ties.places)
         self.free_rim = FreeRim(model, faces, self.ties.on_rim) if model.rim_sees_dilation else None
-        self._across = np.zeros((2, 0))
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""
@@ -98,9 +97,16 @@ class FvForceBalance:
         """The instantaneous vertex velocities (2, N)."""
         return self.flow(t, x, corners).v
 
-    def flow(self, t: float, x: Array, corners: Array) -> PlacesMove:
-        """The same as a Move that leaves the vertices at x, with its Outcome and the gauge's loads."""
-        return self._move(t, 0.0, x, corners)
+    def carried(self, u0: Callable[[Array], Array]) -> Array:
+        """F N on a free rim whose load sees the dilation, (2, n_rim); see `rim.py`."""
+        return NOTHING if self.free_rim is None else self.free_rim.start(u0)
+
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> PlacesMove:
+        """The same as a Move that leaves the vertices at x, with its Outcome and the gauge's loads.
+
+        Without what is carried the rim's load takes the dilation beside it.
+        """
+        return self._move(t, 0.0, x, corners, carried)
 
     def moduli(self, dt: float) -> Moduli:
         """Of the stress of velocities within a step: viscous, and dt times the elastic ones."""
@@ -111,22 +117,23 @@ class FvForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.mesh.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def near(self, anchor: Anchor, guess: Array | None, across: Array) -> Self:
+    def near(self, anchor: Anchor, guess: Array | None) -> Self:
         """Return the same, its systems preconditioned at an anchor, solutions sought near a guess at places.
 
-        Without a guess (2 n_places,) they are sought near zero.  Where a free rim's F N (2, n_rim) is not
-        empty its load takes the dilation from there.
+        Without a guess (2 n_places,) they are sought near zero.
         """
         other = copy(self)
-        other._anchor, other._across = anchor, across
+        other._anchor = anchor
         if guess is not None:
             other._guess = guess
         return other
 
-    def _move(self, t: float, dt: float, x: Array, corners: Array) -> PlacesMove:
+    def _move(self, t: float, dt: float, x: Array, corners: Array, carried: Array = NOTHING) -> PlacesMove:
         """The velocities at x (2, N), where the vertices stay."""
         diamonds, moduli = Diamonds.at(self.faces, x), self.moduli(dt)
-        loads = self.loads(diamonds, x, corners, moduli)
+        rim = self.free_rim if carried.size else None
+        rim_dilation = None if rim is None else rim.dilation(x, carried)
+        loads = self.loads(diamonds, x, corners, moduli, rim_dilation)
         outcome = self.model.dilated(t, loads.dilation, self._place)
         if not outcome.ok:
             return PlacesMove(x, np.zeros_like(x), outcome)
@@ -138,12 +145,11 @@ class FvForceBalance:
         found, outcome = system.solve(load, self._guess, self._factor)
         moved = system.at_vertices(found) + system.projected(kink)
         v = system.without_rigid_motion(moved)
-        across = self._across
-        if self.free_rim is not None and across.size:
+        rate = NOTHING
+        if rim is not None:
             viscous = traction(diamonds.gradient(found.reshape(-1, 2).T, moved), diamonds.area, moduli)
-            force = (viscous + loads.elastic)[:, self.free_rim.faces]
-            across = self.free_rim.rate(x, v, across, force)
-        return PlacesMove(x, v, outcome, *system.net(found), at_places=found, across=across)
+            rate = rim.rate(x, v, carried, (viscous + loads.elastic)[:, rim.faces])
+        return PlacesMove(x, v, outcome, *system.net(found), carried=rate, at_places=found)
 
     def _factor(self) -> krylov.Inverse | None:
         """Of the two-point part at the anchor."""
@@ -155,8 +161,18 @@ class FvForceBalance:
 
         return self._anchor.factor("force balance", made)
 
-    def loads(self, diamonds: Diamonds, x: Array, corners: Array, moduli: Moduli) -> _Loads:
-        """Elastic and active tractions at x (2, N) under corner values (3, n_cells)."""
+    def loads(
+        self,
+        diamonds: Diamonds,
+        x: Array,
+        corners: Array,
+        moduli: Moduli,
+        rim_dilation: Array | None = None,
+    ) -> _Loads:
+        """Elastic and active tractions at x (2, N) under corner values (3, n_cells).
+
+        The dilation on the rim (n_rim,) is that beside it where it is not known better.
+        """
         faces, model, u = self.faces, self.model, self.displacement(x)
         area, ring = diamonds.area, self.ring
         a = corners.T.ravel()[faces.ends].mean(axis=(0, 1))
@@ -164,8 +180,8 @@ class FvForceBalance:
         gradient = diamonds.gradient(at_places, u)
         elastic = traction(gradient, area, model.elastic_moduli())
         phi = divergence(gradient)
-        if self.free_rim is not None and self._across.size:
-            phi[self.free_rim.faces] = self.free_rim.dilation(x, self._across)
+        if self.free_rim is not None and rim_dilation is not None:
+            phi[self.free_rim.faces] = rim_dilation
         # both sides of a face; on the ring each side has its own gradient
         first, second = faces.cells[0], np.where(faces.cells[1] < 0, faces.cells[0], faces.cells[1])
         own = _gradients(x, self.mesh, u)

@@ -17,6 +17,7 @@ import numpy as np
 
 from actin_xcheck.core import linear
 from actin_xcheck.core.contract import (
+    NOTHING,
     Mechanics,
     Memento,
     Move,
@@ -47,11 +48,9 @@ class FvState(State):
     corner_values : those of their reconstruction, (3, n_cells).
     anchor : where the finite volumes' own force balance is preconditioned in the next step.
     history : what that found in the steps before.
-    across : F N on a free rim, see `rim.py`, (2, n_rim); empty where its load does not see the dilation.
     """
 
     corner_values: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    across: Array = field(default_factory=lambda: np.zeros((2, 0)))
     anchor: Anchor | None = None
     history: History = field(default_factory=History.none)
 
@@ -68,6 +67,7 @@ class FvDiamond(Polygonal[FvState]):
     """
 
     consistent = True
+    carries = False
 
     def __init__(self, problem: Problem, mesh: Mesh, mechanics: Mechanics) -> None:
         self.problem = problem
@@ -86,13 +86,9 @@ class FvDiamond(Polygonal[FvState]):
         if not orientation(self.mesh, 0.0, x).ok:  # the time loop will say so; there is nothing to fit
             return FvState(0.0, x, a, np.zeros_like(x), corner_values=np.broadcast_to(a, (3, a.size)))
         corners = reconstruct(self.mesh.triangles, a, vertex_interpolation(self.faces, x) @ a)
-        start = FvState(0.0, x, a, np.zeros_like(x), corner_values=corners, anchor=Anchor(x))
-        start = replace(start, across=self.across_at_start())
-        return replace(start, v=self.moved_by(start, [], []).velocity(0.0, x, corners))
-
-    def across_at_start(self) -> Array:
-        """F N on a free rim at t = 0, (2, n_rim): backward Euler steps do without."""
-        return np.zeros((2, 0))
+        carried = self.mechanics.carried(self.problem.u0) if self.carries else NOTHING
+        v = self.mechanics.flow(0.0, x, corners, carried).v
+        return FvState(0.0, x, a, v, carried=carried, corner_values=corners, anchor=Anchor(x))
 
     def moved_by(self, state: FvState, times: list[float], moves: list[Move]) -> Mechanics:
         """The mechanics, our own force balance preconditioned where the state says, near what it will find.
@@ -104,8 +100,7 @@ class FvDiamond(Polygonal[FvState]):
         """
         if state.anchor is None or not isinstance(self.mechanics, FvForceBalance):
             return self.mechanics
-        guess = state.history.guess(times, _at_places(moves))
-        return self.mechanics.near(state.anchor, guess, state.across)
+        return self.mechanics.near(state.anchor, state.history.guess(times, _at_places(moves)))
 
     def next_anchor(self, old: FvState, x: Array, solves: int) -> Anchor | None:
         """Where to precondition after a step of so many force balances that led to x (2, N)."""
@@ -137,11 +132,7 @@ class FvDiamond(Polygonal[FvState]):
     def memento(self, state: FvState) -> Memento:
         """The state, the corner values that load the next force balance and where that is preconditioned."""
         where = {} if state.anchor is None else {"anchor": state.anchor.x}
-        before = {
-            "history_times": state.history.times,
-            "history": state.history.found,
-            "across": state.across,
-        }
+        before = {"history_times": state.history.times, "history": state.history.found}
         return {**remembered(state), "corner_values": state.corner_values, **where, **before}
 
     def restored(self, memento: Memento) -> FvState:
@@ -152,7 +143,6 @@ class FvDiamond(Polygonal[FvState]):
             corner_values=memento["corner_values"],
             anchor=anchor,
             history=History(memento["history_times"], memento["history"]),
-            across=memento["across"],
         )
 
     def _transport(self, old: FvState, new: FvState, dt: float) -> tuple[FvState, Outcome]:
@@ -246,8 +236,11 @@ class _Solution:
 class FvSecondOrder(FvDiamond):
     """The diamond scheme in space and ARS(2,2,2) in time, with an estimate of each step's error.
 
-    The nodes of a prescribed motion are where it has them; the force balance's are integrated.
+    The nodes of a prescribed motion are where it has them; the force balance's are integrated, and with them
+    what it carries.
     """
+
+    carries = True
 
     def step(self, state: FvState, dt: float) -> tuple[FvState, Outcome]:
         """Two stages: move the nodes with the velocities so far, then solve for what the cells hold there."""
@@ -261,8 +254,9 @@ class FvSecondOrder(FvDiamond):
             rates.append(self._rate(here, times, rates))
             outcome = rates[-1].outcome
             if outcome.ok:
-                x, across = self._place(state, dt, stage, rates), self._across(state, dt, stage, rates)
-                here = replace(here, t=state.t + stage.at * dt, x=x, v=rates[-1].v, across=across)
+                x = self._place(state, dt, stage, rates)
+                carried = state.carried + dt * _blend(stage.explicit, [move.carried for move in rates])
+                here = replace(here, t=state.t + stage.at * dt, x=x, v=rates[-1].v, carried=carried)
                 outcome = orientation(self.mesh, here.t, here.x)
             if outcome.ok:
                 carried = start + _blend(stage.implicit, [solution.change for solution in solutions])
@@ -274,16 +268,11 @@ class FvSecondOrder(FvDiamond):
         here = replace(here, history=state.history.extended(times, _at_places(rates)))
         return self._concluded(state, here, dt, rates, solutions), outcome
 
-    def across_at_start(self) -> Array:
-        """That of the initial displacement."""
-        rim = self.mechanics.free_rim if isinstance(self.mechanics, FvForceBalance) else None
-        return super().across_at_start() if rim is None else rim.start(self.problem.u0)
-
     def _rate(self, here: FvState, times: list[float], rates: list[Move]) -> Move:
         """Velocities of the nodes now; of no use where the motion is prescribed."""
         if isinstance(self.mechanics, PrescribedMotion):
             return Move(here.x, np.zeros_like(here.x))
-        return self.moved_by(here, times, rates).flow(here.t, here.x, self.corners(here))
+        return self.moved_by(here, times, rates).flow(here.t, here.x, self.corners(here), here.carried)
 
     def _place(self, state: FvState, dt: float, stage: _Stage, rates: list[Move]) -> Array:
         """Node positions of a stage, (2, N)."""
@@ -291,14 +280,6 @@ class FvSecondOrder(FvDiamond):
             return self.mechanics.advance(state.t, stage.at * dt, state.x, self.corners(state)).x
         velocity = _blend(stage.explicit, [move.v for move in rates])
         return self.mechanics.settle(state.x + dt * velocity)
-
-    def _across(self, state: FvState, dt: float, stage: _Stage, rates: list[Move]) -> Array:
-        """F N on a free rim at a stage, (2, n_rim)."""
-        if not state.across.size:
-            return state.across
-        changes = [move.across for move in rates if isinstance(move, PlacesMove)]
-        across: Array = state.across + dt * _blend(stage.explicit, changes)
-        return across
 
     def _solve(
         self, here: FvState, dt: float, carried: Array, inverse: krylov.Inverse | None

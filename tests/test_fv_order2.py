@@ -179,23 +179,27 @@ def test_a_step_is_ars_222_written_out_in_plain_matrices():
         flux += cross_flux(faces, x, vertex_interpolation(faces, x)).toarray()
         return volumes, 0.4 * flux - np.diag(volumes), volumes
 
-    def velocity(x, a):
+    def flow(x, a, carried):
         corners = reconstruct(mesh.triangles, a, vertex_interpolation(faces, x) @ a)
-        return mechanics.velocity(0.0, x, corners)
+        return mechanics.flow(0.0, x, corners, carried)
 
     gamma = 1 - np.sqrt(0.5)
     delta = -np.sqrt(0.5)
     p = signed_areas(old.x, mesh.triangles) * old.a
-    v1 = velocity(old.x, old.a)
-    x2 = old.x + gamma * dt * v1
+    first = flow(old.x, old.a, old.carried)
+    x2 = old.x + gamma * dt * first.v
+    carried = old.carried + gamma * dt * first.carried
     volumes, r, g = rates(x2)
     a2 = np.linalg.solve(np.diag(volumes) - gamma * dt * r, p + gamma * dt * g)
     change = dt * (r @ a2 + g)
-    v2 = velocity(x2, a2)
-    x3 = old.x + dt * (delta * v1 + (1 - delta) * v2)
+    second = flow(x2, a2, carried)
+    x3 = old.x + dt * (delta * first.v + (1 - delta) * second.v)
+    carried = old.carried + dt * (delta * first.carried + (1 - delta) * second.carried)
     volumes, r, g = rates(x3)
     a3 = np.linalg.solve(np.diag(volumes) - gamma * dt * r, p + (1 - gamma) * change + gamma * dt * g)
     assert np.abs(new.x - x3).max() < 1e-13
+    assert carried.size
+    assert np.abs(new.carried - carried).max() < 1e-13
     assert np.abs(new.a - a3).max() < 1e-12
     moved = gamma * (1 - gamma) * dt * np.hypot(*(v2 - v1)).max()
     spread = gamma**2 * (dt * (r @ a3 + g) - change) / volumes

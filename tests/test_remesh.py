@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from actin_xcheck.core.contract import Move, Problem, State
+from actin_xcheck.core.contract import NOTHING, Move, Problem, State
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array, Delta, Model
@@ -165,7 +165,10 @@ PROBLEM = Problem(MODEL, lambda xi: exact(xi, 0.0), np.zeros_like, source=source
 class Twist:
     """A force balance that answers with the twist's velocity."""
 
-    def flow(self, t: float, x: Array, corners: Array) -> Move:
+    def carried(self, u0):
+        return NOTHING
+
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
         return Move(x, SPIN * (1 - (x**2).sum(axis=0)) * np.array([-x[1], x[0]]))
 
 

@@ -8,7 +8,7 @@ Cell means, total actin, probes and loads all follow from them, so both codes ar
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -23,6 +23,11 @@ from actin_xcheck.core.observables import Measures
 
 Source = Callable[[Array, Array, float], Array]
 """Source term s(x, xi, t), per area and time: shape of x[0]."""
+
+
+NOTHING: Array = np.zeros(0)
+"""What a Mechanics carries beside the nodes' positions, where it carries nothing."""
+NOTHING.setflags(write=False)
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,7 @@ class Move:
     """What a Mechanics returns: new node positions (2, N), node velocities (2, N) and how it went.
 
     `net_force` (2,) and `net_torque` (about the centroid) are the total loads that the closure's gauge
-    carries; zero for closures without one.
+    carries; zero for closures without one.  `carried` is the rate of what the Mechanics carries.
     """
 
     x: Array
@@ -70,6 +75,7 @@ class Move:
     outcome: Outcome = COMPLETED
     net_force: tuple[float, float] = (0.0, 0.0)
     net_torque: float = 0.0
+    carried: Array = field(default_factory=lambda: NOTHING)
 
 
 class Mechanics(Protocol):
@@ -87,8 +93,15 @@ class Mechanics(Protocol):
         """Return the instantaneous node velocities (2, N) at time t."""
         ...
 
-    def flow(self, t: float, x: Array, corners: Array) -> Move:
-        """Return the same with its Outcome and loads; the nodes stay at x."""
+    def carried(self, u0: Callable[[Array], Array]) -> Array:
+        """What it carries beside positions, of any shape, at t = 0; empty where there is nothing.
+
+        `u0` is the initial displacement of material points, (2, n) -> (2, n).
+        """
+        ...
+
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
+        """Return the velocity with its Outcome, its loads and the rate of what is carried; x stays."""
         ...
 
     def settle(self, x: Array) -> Array:
@@ -110,6 +123,7 @@ class State:
     net_force, net_torque : loads carried by the gauge of `traction-free` over the last step.
     local_error : the method's own estimate of the error the last step made, relative: the larger of that in
         positions (radii) and in a (L2); nan for a method without one.
+    carried : what a Mechanics carries beside positions.
     """
 
     t: float
@@ -120,6 +134,7 @@ class State:
     net_force: tuple[float, float] = (0.0, 0.0)
     net_torque: float = 0.0
     local_error: float = float("nan")
+    carried: Array = field(default_factory=lambda: NOTHING)
 
 
 S = TypeVar("S", bound=State)
@@ -137,7 +152,7 @@ def remembered(state: State) -> dict[str, NDArray[Any]]:
 def recalled(memento: Memento) -> dict[str, Any]:
     """Return the fields of `State` from a memento; KeyError where one is missing."""
     held = {one.name: memento[one.name] for one in fields(State)}
-    numbers = {name: value.tolist() for name, value in held.items() if name not in ("x", "a", "v")}
+    numbers = {name: value.tolist() for name, value in held.items() if name not in ("x", "a", "v", "carried")}
     return {**held, **numbers, "net_force": tuple(numbers["net_force"])}
 
 

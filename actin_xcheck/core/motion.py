@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from actin_xcheck.core.contract import Motion, Move
+from actin_xcheck.core.contract import NOTHING, Motion, Move
 from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
@@ -32,7 +32,11 @@ class PrescribedMotion:
         """The prescribed velocity (2, N)."""
         return self.motion.velocity(self.xi, t)
 
-    def flow(self, t: float, x: Array, corners: Array) -> Move:
+    def carried(self, u0: Callable[[Array], Array]) -> Array:
+        """Nothing."""
+        return NOTHING
+
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
         """The velocity as a Move."""
         return Move(x, self.velocity(t, x, corners))
 
@@ -77,7 +81,11 @@ class RecordedMotion:
         """Recorded velocity (2, N) of the step that ended at t."""
         return self.moves[int(np.argmin(np.abs(self.times - t)))].v
 
-    def flow(self, t: float, x: Array, corners: Array) -> Move:
+    def carried(self, u0: Callable[[Array], Array]) -> Array:
+        """Nothing."""
+        return NOTHING
+
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
         """The recorded velocity as a Move."""
         return Move(x, self.velocity(t, x, corners))
 

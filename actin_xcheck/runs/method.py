@@ -146,6 +146,7 @@ METHODS = {
             2,
             "the same finite volumes in two implicit stages of second order, with an error estimate",
             adaptive=True,
+            knows_rim=True,
         ),
         Method(
             "fv-driven",
