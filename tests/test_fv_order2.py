@@ -186,22 +186,22 @@ def test_a_step_is_ars_222_written_out_in_plain_matrices():
     gamma = 1 - np.sqrt(0.5)
     delta = -np.sqrt(0.5)
     p = signed_areas(old.x, mesh.triangles) * old.a
-    first = flow(old.x, old.a, old.carried)
-    x2 = old.x + gamma * dt * first.v
-    carried = old.carried + gamma * dt * first.carried
+    here = flow(old.x, old.a, old.carried)
+    x2 = old.x + gamma * dt * here.v
+    carried = old.carried + gamma * dt * here.carried
     volumes, r, g = rates(x2)
     a2 = np.linalg.solve(np.diag(volumes) - gamma * dt * r, p + gamma * dt * g)
     change = dt * (r @ a2 + g)
-    second = flow(x2, a2, carried)
-    x3 = old.x + dt * (delta * first.v + (1 - delta) * second.v)
-    carried = old.carried + dt * (delta * first.carried + (1 - delta) * second.carried)
+    there = flow(x2, a2, carried)
+    x3 = old.x + dt * (delta * here.v + (1 - delta) * there.v)
+    carried = old.carried + dt * (delta * here.carried + (1 - delta) * there.carried)
     volumes, r, g = rates(x3)
     a3 = np.linalg.solve(np.diag(volumes) - gamma * dt * r, p + (1 - gamma) * change + gamma * dt * g)
     assert np.abs(new.x - x3).max() < 1e-13
     assert carried.size
     assert np.abs(new.carried - carried).max() < 1e-13
     assert np.abs(new.a - a3).max() < 1e-12
-    moved = gamma * (1 - gamma) * dt * np.hypot(*(v2 - v1)).max()
+    moved = gamma * (1 - gamma) * dt * np.hypot(*(there.v - here.v)).max()
     spread = gamma**2 * (dt * (r @ a3 + g) - change) / volumes
     estimate = np.sqrt(volumes @ spread**2 / (volumes @ a3**2))
     assert new.local_error == pytest.approx(max(moved, estimate), rel=1e-8)

@@ -102,8 +102,8 @@ def _before(key: Any, now: Array) -> Array:
     return before
 
 
-def _lagged_on_edges(right: Function, self: Any, x: Array, a: Array, a_rim: Array, dt: float) -> Any:
-    return right(self, x, a, _before(self.space, a_rim), dt)
+def _lagged_on_edges(right: Function, self: Any, x: Array, a: Array, a_rim: Array, *arguments: Any) -> Any:
+    return right(self, x, a, _before(self.space, a_rim), *arguments)
 
 
 def _lagged_on_faces(right: Function, self: Any, area: Array, a: Array, *arguments: Any) -> Any:
