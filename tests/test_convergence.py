@@ -85,12 +85,14 @@ def test_orders_are_claimed_of_smooth_compatible_data_only(name, reason):
     assert bool(one.no_claim) == bool(reason)
 
 
-def test_the_trace_of_div_u_costs_a_viscoelastic_rim_an_order_in_h():
+def test_the_trace_of_div_u_costs_a_viscoelastic_rim_an_order_in_h_unless_the_rim_is_carried():
     def declared(name, method):
         return {(one.refined, one.declared) for one in planned(name, method)}
 
     assert declared("fitted-ring", "fem-p2-imex3") == {(Refined.H, 3), (Refined.DT, 3)}
-    assert declared("fitted-ring-elastic", "fem-p2-imex3") == {(Refined.H, 2), (Refined.DT, 3)}
+    assert declared("fitted-ring-elastic", "fem-p2-imex3") == {(Refined.H, 3), (Refined.DT, 3)}
+    assert declared("fitted-ring-elastic", "fv") == {(Refined.H, 2), (Refined.DT, 2)}
+    assert declared("fitted-ring-elastic", FEM) == {(Refined.H, 1), (Refined.DT, 1)}
     assert declared("mode-0-cell", "fem-p2-imex3") == {(Refined.H, 3), (Refined.DT, 3)}  # p = 0
 
 
