@@ -156,10 +156,7 @@ def paper(
     return study(list(dict.fromkeys(only or rows)), said=bool(only))
 
 
-DISTORTED = {
-    "smooth-fronts": ("perturbed", "stretched", "slivers"),
-    "fitted-ring": ("off-ring",),
-}
+DISTORTED = {"smooth-fronts": ("perturbed", "stretched", "slivers"), "fitted-ring": ("off-ring",)}
 """Scenes whose data cost no order, and what their meshes suffer."""
 
 DISTORTED_METHODS = ("fem-p1-paper", "fem-p2-imex3", "fem-p4-imex4", "fv-coupled", "fv-order2")
@@ -303,9 +300,12 @@ def chart(
     return study(load_scene(scene), chosen, QUICK if quick else WHOLE)
 
 
+Seed = Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")]
+
+
 @study_command("random")
 def random(
-    seed: Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")] = None,
+    seed: Seed = None,
     count: Annotated[int, typer.Option(help="Scenes to draw.", min=1)] = 20,
     first: Annotated[int, typer.Option(help="Number of the first one.", min=0)] = 0,
 ) -> "Study":
@@ -322,7 +322,7 @@ def random(
 @study_command("coverage")
 def coverage(
     methods: Methods = None,
-    seed: Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")] = None,
+    seed: Seed = None,
     count: Annotated[int, typer.Option(help="Scenes to draw beside those that are known.", min=0)] = 0,
 ) -> "Study":
     """See how often a stated uncertainty covers the true error, and how far it is from it.
@@ -330,15 +330,14 @@ def coverage(
     Scenes with exact solutions, exact modes and references, and COUNT that are drawn, by every method on a
     ladder of meshes: some two minutes a scene.  Exit code 1 where more than one in twenty is too small.
     """
-    from datetime import date
-
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.runs.numerics import command as typed
     from actin_xcheck.scene.scene import load_scenes
     from actin_xcheck.studies.coverage import KNOWN, STATING, drawn
     from actin_xcheck.studies.coverage import coverage as study
+    from actin_xcheck.studies.random_scenes import seed_of_today
 
-    seed = int(f"{date.today():%Y%m%d}") if seed is None else seed
+    seed = seed_of_today() if seed is None else seed
     scenes = [*load_scenes(KNOWN), *drawn(seed, count)]
     return study(scenes, find_methods(methods or STATING), typed("coverage", seed=seed, count=count))
 
@@ -414,11 +413,8 @@ def _answer(table: "SweepTable", made: int) -> "SweepAnswer":
     from actin_xcheck.cli.output import SweepAnswer
     from actin_xcheck.studies.sweep import CSV_NAME
 
-    outcomes = Counter(table["outcome"].tolist())
+    outcomes = dict(Counter(table["outcome"].tolist()).most_common())
+    folder, runs = table.folder, len(table)
     return SweepAnswer(
-        folder=str(table.folder),
-        table=str(table.folder / CSV_NAME),
-        runs=len(table),
-        made=made,
-        outcomes=dict(outcomes.most_common()),
+        folder=str(folder), table=str(folder / CSV_NAME), runs=runs, made=made, outcomes=outcomes
     )

@@ -1,9 +1,10 @@
 """What a study shows, as data: curves, fields, maps, tables."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import h5py
+import numpy as np
 
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
@@ -203,6 +204,16 @@ class Chapter:
     title: str
     note: str
     exhibits: tuple[Exhibit, ...]
+
+
+def shares(title: str, note: str, xlabel: str, mark: str, values: Mapping[str, Iterable[float]]) -> Plot:
+    """Show which share of numbers, line by line, is below what; `mark` is what 1 is called.
+
+    Zeros and what is not finite have no place on a logarithm, nor has a line without others.
+    """
+    kept = {name: np.sort([one for one in ours if 0 < one < np.inf]) for name, ours in values.items()}
+    lines = [Line(name, x, np.arange(1, x.size + 1) / x.size) for name, x in kept.items() if x.size]
+    return Plot("ratios", title, note, xlabel, tuple(lines), ((mark, 1.0),), log=True)
 
 
 def write_exhibits(group: h5py.Group, exhibits: Iterable[Exhibit]) -> None:

@@ -25,6 +25,18 @@ Record = TypeVar("Record")
 _PLAIN = (str, bool, int, float, Path)
 
 
+def gathered(kind: type[Record], *sources: Any, **own: Any) -> Record:
+    """Return a dataclass: a field that is not given by name is had from the first source that has it.
+
+    TypeError where none has what has no default.
+    """
+    for field in fields(kind):  # type: ignore[arg-type]
+        having = [source for source in sources if hasattr(source, field.name)]
+        if field.name not in own and having:
+            own[field.name] = getattr(having[0], field.name)
+    return kind(**own)
+
+
 def write_record(group: h5py.Group, record: Any) -> None:
     """Write a dataclass into an empty group, its class in the attribute `class`."""
     group.attrs["class"] = type(record).__name__

@@ -14,7 +14,7 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
-from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.report.exhibits import Chapter, shares
 from actin_xcheck.runs.accuracy import deliver
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import Numerics, suited
@@ -322,18 +322,11 @@ def _claims(rows: Sequence[CoverageRow], made: str) -> Iterator[Claim]:
 
 def _chapter(by_method: dict[str, list[Triplet]]) -> Chapter:
     """How far stated uncertainties are from the true error, over the share of triplets."""
-    lines = []
-    for name, group in by_method.items():
-        ratios = np.sort([one.stated / one.error for one in group if one.error and one.stated])
-        if ratios.size:
-            lines.append(Line(name, ratios, np.arange(1, ratios.size + 1) / ratios.size))
-    plot = Plot(
-        key="ratios",
-        title="Share of uncertainties below a multiple of the true error",
-        note="Left of 1 the true error is larger than what is stated.",
-        xlabel="stated over true",
-        lines=tuple(lines),
-        marks=(("true", 1.0),),
-        log=True,
+    plot = shares(
+        "Share of uncertainties below a multiple of the true error",
+        "Left of 1 the true error is larger than what is stated.",
+        "stated over true",
+        "true",
+        {name: [one.stated / one.error for one in group if one.error] for name, group in by_method.items()},
     )
     return Chapter("ratios", "How near to the true error", "", (plot,))

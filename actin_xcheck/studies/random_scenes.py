@@ -19,7 +19,7 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import make_folder, replace_file
 from actin_xcheck.core.model import Array
-from actin_xcheck.report.exhibits import Chapter, Line, Plot
+from actin_xcheck.report.exhibits import Chapter, shares
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import Method, find_method
@@ -352,18 +352,5 @@ def _chapter(found: Sequence[CheckedScene]) -> Chapter:
     ratios: dict[str, list[float]] = {}
     for claim in (claim for one in found for claim in one.claims if claim.judged):
         ratios.setdefault(f"{claim.kind} {claim.quantity}".strip(), []).append(_ratio(claim))
-    lines = []
-    for label, values in ratios.items():
-        shown = np.sort([value for value in values if 0 < value < math.inf])
-        if shown.size:
-            lines.append(Line(label, shown, np.arange(1, shown.size + 1) / shown.size))
-    plot = Plot(
-        key="ratios",
-        title="Share of claims below a part of their bound",
-        note="Beyond 1 a claim fails.",
-        xlabel="value over bound",
-        lines=tuple(lines),
-        marks=(("bound", 1.0),),
-        log=True,
-    )
-    return Chapter("ratios", "How close to their bounds", "", (plot,))
+    words = "Share of claims below a part of their bound", "Beyond 1 a claim fails.", "value over bound"
+    return Chapter("ratios", "How close to their bounds", "", (shares(*words, "bound", ratios),))

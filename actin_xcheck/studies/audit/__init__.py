@@ -19,7 +19,7 @@ import numpy as np
 
 from actin_xcheck.report.exhibits import Chapter, Exhibit
 from actin_xcheck.runs.numerics import command
-from actin_xcheck.runs.records import read_table
+from actin_xcheck.runs.records import gathered, read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
@@ -289,13 +289,10 @@ def examine(key: str, folder: Path) -> Examined:
     row = rows()[key]
     evidence = [Evidence.of(family, folder) for family in row.families]
     finding = row.examine(*evidence)
-    entry = AuditEntry(
-        key=key,
-        place=row.place,
-        statement=row.statement,
-        judgement=finding.judgement,
-        computed=finding.computed,
-        reason=finding.reason,
+    entry = gathered(
+        AuditEntry,
+        row,
+        finding,
         command=command("paper", only=key),
         numbers=tuple((name, float(number)) for name, number in finding.numbers.items()),
         runs=tuple(file.relative_to(folder).as_posix() for one in evidence for file in one.files.values()),

@@ -10,6 +10,7 @@ from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.chart.measure import Sample, command_of
 from actin_xcheck.studies.chart.truth import (
@@ -91,16 +92,16 @@ class ChartRow:
 def row_of(scene: Scene, truth: ChartTruth, point: Numerics, sample: Sample) -> ChartRow:
     """A point as it was measured, with its errors."""
     errors, answer = errors_of(truth, sample.answer), sample.answer
-    return ChartRow(
+    return gathered(
+        ChartRow,
+        point,
+        answer,
+        sample,
         method=point.method.name,
-        refine=point.refine,
-        dt=point.dt,
         rtol=np.nan if point.rtol is None else point.rtol,
         fidelity=str(point.reduction.fidelity),
         numerics=point.words,
         standing=standing(answer, errors, ChartedQuantity.CONCENTRATION, truth.known),
-        ending=answer.ending,
-        message=answer.message,
         error_a=errors[ChartedQuantity.CONCENTRATION],
         error_area=errors[ChartedQuantity.AREA],
         error_probes=errors[ChartedQuantity.PROBES],
@@ -112,12 +113,6 @@ def row_of(scene: Scene, truth: ChartTruth, point: Numerics, sample: Sample) -> 
         cpu_least=float(sample.cpu.min()),
         cpu_most=float(sample.cpu.max()),
         cpu_kernels=float(np.median(sample.cpu_kernels)),
-        steps=sample.steps,
-        rejected=sample.rejected,
-        cells=sample.cells,
-        cells_steps=sample.cells_steps,
-        factorisations=sample.factorisations,
-        solves=sample.solves,
         megabytes=sample.memory / 1e6,
         command=command_of(point, scene),
         sample=sample,

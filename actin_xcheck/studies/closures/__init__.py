@@ -8,6 +8,7 @@ import numpy as np
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.report.exhibits import Chapter, Line, Outline, Outlines, Plot
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.closures.findings import JUDGED, Ladder, ladders, on_growth, on_refinement, reason
 from actin_xcheck.studies.closures.measure import (
@@ -213,12 +214,10 @@ class Ripple:
 
 def _ripples(spectra: Sequence[RippleGrowth]) -> list[Ripple]:
     return [
-        Ripple(
-            method=one.asked.method,
-            closure=one.asked.closure,
-            advancing=one.asked.advancing,
-            refine=one.asked.refine,
-            nodes=one.nodes,
+        gathered(
+            Ripple,
+            one.asked,
+            one,
             m=int(m),
             measured=float(measured),
             predicted=float(predicted),
@@ -292,22 +291,14 @@ SHOWN = (
 
 def _rows(found: Sequence[Ladder]) -> list[Followed]:
     return [
-        Followed(
-            scene=rim.course.scene,
-            method=rim.course.method,
-            closure=rim.course.closure,
-            nodes=rim.nodes,
-            refine=rim.course.refine,
-            steps=rim.course.steps,
-            outcome=rim.outcome,
-            message=rim.message,
+        gathered(
+            Followed,
+            rim.course,
+            rim,
             t=float(rim.times[-1]),
             radius=float(rim.radius[-1]),
             roughness=float(rim.roughness[-1]),
             lost=float(lost),
-            command=rim.course.command,
-            times=rim.times,
-            rims=rim.rims,
         )
         for ladder in found
         for rim, lost in zip(ladder.rims, ladder.lost, strict=True)

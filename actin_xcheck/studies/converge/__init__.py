@@ -12,6 +12,7 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.runs.numerics import command
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.studies.converge.plan import Refined, Refinement, TruthKind
 from actin_xcheck.studies.study import Report, Study, Table, Task
@@ -122,10 +123,12 @@ def read_off(asked: Refinement, folder: Path) -> FoundErrors:
     seen = observe(widths, errors, claimed, asked.at_least, asked.floor)
     known = [one for one in seen.local if np.isfinite(one)]
     before, last = (known if seen.verdict is Verdict.PASS else seen.local)[-2:]  # behind it may be round-off
-    order = Order(
-        key=asked.key,
+    order = gathered(
+        Order,
+        asked,
+        asked.scene,
+        seen,
         scene=asked.scene.name,
-        citation=asked.scene.citation,
         method=asked.method.name,
         refined=str(asked.refined),
         measured=str(asked.quantity),
@@ -133,15 +136,9 @@ def read_off(asked: Refinement, folder: Path) -> FoundErrors:
         truth=str(asked.truth),
         declared=float(asked.declared),
         claimed=not asked.no_claim,
-        at_least=asked.at_least,
-        floor=asked.floor,
-        verdict=seen.verdict,
         reason=asked.no_claim or seen.reason,
         before=before,
         last=last,
-        slope=seen.slope,
-        low=seen.low,
-        high=seen.high,
         command=command("converge", asked.origin, method=asked.method.name),
     )
     rows = zip(asked.levels, steps, errors, (np.nan, *seen.local), endings, files, finer, strict=False)

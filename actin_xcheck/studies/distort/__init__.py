@@ -11,6 +11,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.report.exhibits import Chapter, Line, Plot, Sheet
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel
 from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.distort.cases import (
     Case,
@@ -75,6 +76,11 @@ class DistortRow:
     def completed(self) -> bool:
         """Whether the run came to its end."""
         return self.ending == "completed"
+
+    @property
+    def end(self) -> str:
+        """How it failed, and on which mesh."""
+        return f"refine {self.refine}: {self.ending.replace('_', ' ')}, {self.message}"
 
     @property
     def iterations_a_solve(self) -> float:
@@ -153,7 +159,7 @@ def _broken(pairs: Sequence[DistortPair]) -> str:
     """What is lost at the worst, in words; empty where nothing is."""
     for pair in pairs[1:]:
         if row := pair.failed:
-            return f"at {pair.severity:g}, refine {row.refine}: {row.ending.replace('_', ' ')}, {row.message}"
+            return f"at {pair.severity:g}, {row.end}"
     worst = max(pairs, key=lambda pair: pair.growth)
     loss = worst.plain_order - worst.order
     if worst.growth > GROWN or (worst.growth > 2 and loss > LOST):
@@ -193,11 +199,9 @@ def chapter_of(scene: Scene, family: Family, methods: Sequence[Method], pairs: P
     names = [method.name for method in methods]
     plots = [_plot(family, key, title, names, pairs) for key, title in QUANTITIES.items()]
     work = _plot(family, "iterations_a_solve", "Iterations of conjugate gradients a solve", names, pairs)
-    chapter = f"{scene.name}--{family.key}"
+    key, title = f"{scene.name}--{family.key}", f"{family.title}: {scene.name}"
     note = f"{family.note} Errors at the end of {scene.name}, on the finer of two meshes."
-    return Chapter(
-        chapter, f"{family.title}: {scene.name}", note, (*plots, work, _table(family, names, pairs))
-    )
+    return Chapter(key, title, note, (*plots, work, _table(family, names, pairs)))
 
 
 def _plot(family: Family, key: str, title: str, names: Sequence[str], pairs: Pairs) -> Plot:
@@ -213,17 +217,10 @@ def _plot(family: Family, key: str, title: str, names: Sequence[str], pairs: Pai
         for name in names
     ]
     failed = sorted({place(pair) for name in names for pair in pairs[name] if not pair.fine.completed})
-    marks = [("fitted", fitted)] if off_ring else []
+    marks = *([("fitted", fitted)] if off_ring else ()), *(("✕", x) for x in failed)
     note = "Crossed: a run fails there." if failed else ""
-    return Plot(
-        key.replace("_", "-"),
-        title,
-        note,
-        f"{family.severity}" if off_ring else "aspect of the worst cell",
-        tuple(lines),
-        (*marks, *(("✕", x) for x in failed)),
-        log=True,
-    )
+    xlabel = family.severity if off_ring else "aspect of the worst cell"
+    return Plot(key.replace("_", "-"), title, note, xlabel, tuple(lines), marks, log=True)
 
 
 def _values(pairs: Sequence[DistortPair], key: str) -> np.ndarray:
@@ -251,11 +248,7 @@ _NOTE = (
 
 def _row(name: str, pair: DistortPair) -> tuple[str, ...]:
     fine = pair.fine
-    outcome = "; ".join(
-        f"refine {row.refine}: {row.ending.replace('_', ' ')}, {row.message}"
-        for row in (pair.coarse, fine)
-        if not row.completed
-    )
+    outcome = "; ".join(row.end for row in (pair.coarse, fine) if not row.completed)
     return (
         name,
         f"{pair.severity:g}",
@@ -288,16 +281,8 @@ TRUTH_LEVELS = LEVELS[3:5]
 """Levels of the converged runs, on the disk's own mesh; the second is believed, their change says how far."""
 
 SHOWN = (
-    "scene",
-    "method",
-    "family",
-    "severity",
-    "refine",
-    "steps",
-    "a_error",
-    "ending",
-    "message",
-    "seconds",
+    *("scene", "method", "family", "severity", "refine", "steps"),
+    *("a_error", "ending", "message", "seconds"),
 )
 
 
@@ -381,26 +366,15 @@ def _row_of(
     probes = len(scene.probes.points)
     off = np.subtract(answer.a, exact.a)
     known = 1.0 if answer.ending == "completed" else math.nan
-    return DistortRow(
+    return gathered(
+        DistortRow,
+        case,
+        answer,
         scene=scene.name,
-        method=case.method,
-        family=case.family,
-        severity=case.severity,
-        refine=case.refine,
-        steps=case.steps,
-        cells=answer.cells,
-        aspect=answer.aspect,
-        angle=answer.angle,
-        ending=answer.ending,
-        message=answer.message,
         area_error=known * abs(answer.area / exact.area - 1),
         probes_error=known * float(np.abs(off[:probes]).max(initial=0.0)),
         a_error=known * float(np.linalg.norm(off[probes:]) / np.linalg.norm(exact.a[probes:])),
         uncertainty=uncertainty,
-        residual=answer.residual,
-        iterations=answer.iterations,
-        solves=answer.solves,
-        factorisations=answer.factorisations,
         steps_made=answer.steps,
         seconds=answer.seconds,
         command=case.command(scene),

@@ -19,6 +19,7 @@ from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
 from actin_xcheck.runs.march import March, Moment, checked_step
 from actin_xcheck.runs.method import METHODS, SHAPES, SOUNDNESS, Method, load
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, command, seconds_of
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.runs.run import bind, solver_for
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import Scene, load_scene
@@ -279,30 +280,22 @@ def attempt(trial: Trial, folder: Path) -> Attempt:
     slope = sigma_prime(model.parameters) + model.parameters.p / np.pi
     broke = outcome.ending is Ending.SINGULAR_DILATION
     times, apart = np.array(watch.apart, dtype=float).reshape(-1, 2).T
-    return Attempt(
-        scene=trial.scene,
+    return gathered(
+        Attempt,
+        trial,
+        level,
+        watch,
+        measured,
         rheology=str(model.rheology),
         psi=model.parameters.psi,
-        method=level.method,
-        refine=level.refine,
-        rtol=level.rtol,
-        remesh=trial.remesh,
-        command=trial.command,
         outcome=str(outcome.ending),
         message=outcome.message,
         t=last.t,
         breakdown=watch.breakdown if broke else np.nan,
-        place=watch.place,
         dilation=watch.rows[-1][1],
         steps=len(watch.rows) - 1,
-        residual=watch.residual,
-        shape=watch.shape,
-        worn=watch.worn,
         remeshings=getattr(last, "remeshings", 0),
         area_change=getattr(last, "area_change", 0.0),
-        area=measured.area,
-        total_actin=measured.total_actin,
-        epsilon=trial.epsilon,
         times=times,
         apart=apart,
         rate=slope / model.parameters.mu - model.reaction_rate(),
