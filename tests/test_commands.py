@@ -57,7 +57,9 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(one, marks=pytest.mark.slow) if one == "growth" else one for one in CASES]
+)
 def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scenes, methods, refine, dt, rtol = CASES[case]

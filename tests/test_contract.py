@@ -19,10 +19,15 @@ from tests.lab import FEM, film_of, play, scene_of
 EVERY = pytest.mark.parametrize("method", list(METHODS))
 
 
+def mesh_for(method: str, refine: int) -> int:
+    """A mesh; of elements above P4 one of fewer cells, on which they have as many nodes."""
+    return refine - (METHODS[method].space > 4)
+
+
 @EVERY
 def test_a_step_is_pure(method):
     """The same step from the same state twice, with another step between: the same bits, old state intact."""
-    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], 3, 0.0409))
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], mesh_for(method, 3), 0.0409))
     start = solver.init()
     before = {f.name: np.copy(getattr(start, f.name)) for f in dataclasses.fields(State)}
     step = 0.05 / 2
@@ -40,7 +45,7 @@ def test_a_step_is_pure(method):
 
 @EVERY
 def test_corner_values_carry_the_total_the_scheme_conserves(method):
-    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], 3, 0.0409))
+    solver = bind(load_scene("fig14-four-fronts"), Numerics(METHODS[method], mesh_for(method, 3), 0.0409))
     state, _ = solver.step(solver.init(), 0.05 / 2)
     total = integral(state.x, solver.mesh.triangles, solver.corners(state))
     if state.a.size == solver.mesh.triangles.shape[1]:
@@ -54,7 +59,7 @@ def test_corner_values_carry_the_total_the_scheme_conserves(method):
 @EVERY
 def test_the_initial_state_is_the_scenes(method):
     scene = scene_of(a="1 + 0.2*x*y", more="[domain]\nrotation = 20\n")
-    solver = bind(scene, Numerics(METHODS[method], 4, 0.1))
+    solver = bind(scene, Numerics(METHODS[method], mesh_for(method, 4), 0.1))
     state = solver.init()
     assert state.t == 0
     assert np.array_equal(state.x[:, : solver.mesh.xi.shape[1]], solver.mesh.xi)  # corners come first

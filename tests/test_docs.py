@@ -220,10 +220,11 @@ def test_every_command_is_on_a_page_and_every_answer_has_a_schema():
 
 
 def test_the_walk_through_the_house_names_files_that_are_there():
-    named = re.findall(r"`((?:\w+/)+(?:\w+\.py)?)`", page("architecture"))
-    assert len(named) > 25
-    places = (ROOT, ROOT / "actin_xcheck")
+    text, places = page("architecture"), (ROOT, ROOT / "actin_xcheck")
+    named = re.findall(r"`((?:\w+/)+(?:\w+\.py)?)`", text)
     assert [name for name in named if not any((place / name).exists() for place in places)] == []
+    walk, said = re.search(r"(?s)\n1\. (.*)Those are the (\d+) files", text).groups()
+    assert len({name for name in named if name.endswith(".py") and f"`{name}`" in walk}) == int(said) == 25
 
 
 # as built

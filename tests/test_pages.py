@@ -18,8 +18,8 @@ from actin_xcheck.studies.frontier.answers import AnswerKind
 from tests.browser import SEEN, complaints, lab, linear, pale, unreadable
 from tests.picture import PICTURE, WIDTH, take
 
-QUICK = ("compare", "curves", "closures", "faults", "night", "dashboard", "paper", "predict", "random")
-SLOW = ("chart", "frontier", "converge", "distort", "extremes")
+QUICK = ("closures", "faults", "night", "dashboard", "paper", "predict", "random")
+SLOW = ("compare", "curves", "chart", "frontier", "converge", "distort", "extremes")
 
 
 @pytest.mark.parametrize("kind", [*QUICK, *(pytest.param(one, marks=pytest.mark.slow) for one in SLOW)])
