@@ -195,9 +195,8 @@ class Radial:
         self._nothing = np.zeros_like(ray.points)
         hoop = (ray.slopes.T * self._around) @ ray.values
         self._hoop = hoop + hoop.T
-        self._motion = (
-            None if problem.motion is None else PrescribedMotion(_on_ray(ray.nodes), problem.motion)
-        )
+        motion = problem.motion
+        self._motion = None if motion is None else PrescribedMotion(_on_ray(ray.nodes), motion)
 
     def init(self) -> RadialState:
         """Interpolate the initial data at the nodes."""
@@ -396,7 +395,6 @@ def _solved(matrix: Array, rhs: Array) -> tuple[Array, Outcome]:
         left = float(np.linalg.norm(rhs - matrix @ solution))
         if left <= TOLERANCE * float(np.linalg.norm(rhs)):
             return solution, COMPLETED
-        message = f"a solve on the ray left a residual of {left:.1e}"
-        return solution, Outcome(Ending.NOT_CONVERGED, message)
+        return solution, Outcome(Ending.NOT_CONVERGED, f"a solve on the ray left a residual of {left:.1e}")
     message = f"a matrix of {len(matrix)} unknowns on the ray is not positive definite (row {info})"
     return np.full_like(rhs, np.nan), Outcome(Ending.NOT_CONVERGED, message)

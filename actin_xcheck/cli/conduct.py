@@ -75,7 +75,10 @@ Jobs = Annotated[
     int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, show_default=False)
 ]
 Scheduler = Annotated[
-    str | None, typer.Option(help="Address of a dask.distributed scheduler whose workers are to be used.")
+    str | None,
+    typer.Option(
+        help="Address of a dask.distributed scheduler whose workers, in place of --jobs, share the folder."
+    ),
 ]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what is asked for first and what it costs.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the page in a browser.")]

@@ -21,6 +21,7 @@ from actin_xcheck.cli.conduct import (
     Rtol,
     Scenes,
     SceneWord,
+    Scheduler,
     check_step,
     command,
     each,
@@ -353,17 +354,10 @@ def sweep_command(
     jobs: Annotated[
         int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, max=1024)
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a dask.distributed scheduler, in place of --jobs; its workers share the folder."
-        ),
-    ] = None,
+    scheduler: Scheduler = None,
     refine: Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers.", min=1, max=10)] = None,
     dt: Annotated[float | None, typer.Option(help="Largest time step.", min=1e-12)] = None,
-    rtol: Annotated[
-        float | None, typer.Option(help="Let adaptive methods choose steps with this local error.", min=1e-13)
-    ] = None,
+    rtol: Rtol = None,
     fidelity: Annotated[
         Fidelity, typer.Option(help="How much of the model is solved; auto: what each scene needs.")
     ] = Fidelity.AUTO,

@@ -63,13 +63,8 @@ CREATE TABLE claims (night INTEGER NOT NULL REFERENCES nights, key TEXT NOT NULL
     "check" TEXT NOT NULL, seconds REAL, source TEXT NOT NULL, PRIMARY KEY (night, key)) WITHOUT ROWID
 """
 
-_LEAST = {
-    NumberKind.ERROR: 1e-16,
-    NumberKind.CLAIM: 1e-16,
-    NumberKind.TIME: 1e-6,
-    NumberKind.MEMORY: 1.0,
-    NumberKind.COUNT: 0.5,
-}
+_LEAST = {NumberKind.ERROR: 1e-16, NumberKind.CLAIM: 1e-16, NumberKind.TIME: 1e-6}
+_LEAST |= {NumberKind.MEMORY: 1.0, NumberKind.COUNT: 0.5}
 """Below this, numbers on a logarithm are one: smaller errors are round-off, and 0 has no logarithm."""
 
 _INTEREST = {
@@ -226,10 +221,8 @@ def read_numbers(path: Path, name: str) -> list[Number]:
     """Return the numbers of a night, by key."""
     chosen = "SELECT key, kind, value, unit, source FROM numbers JOIN nights USING (night) WHERE name = ?"
     with _reading(path) as rows:
-        return [
-            Number(key, NumberKind(kind), number(value), unit, source)
-            for key, kind, value, unit, source in rows.execute(f"{chosen} ORDER BY key", (name,))
-        ]
+        found = rows.execute(f"{chosen} ORDER BY key", (name,))
+        return [Number(key, NumberKind(kind), number(value), *rest) for key, kind, value, *rest in found]
 
 
 def read_claims(path: Path, name: str) -> dict[str, JudgedNumber]:
@@ -255,10 +248,8 @@ def read_series(path: Path, pattern: str = "*") -> list[Series]:
     with _reading(path) as rows:
         nights, found = _nights(rows), []
         for (key, kind, unit), group in groupby(rows.execute(chosen, (pattern,)), lambda row: row[:3]):
-            places, values = zip(*((row[3], number(row[4])) for row in group), strict=True)
-            found.append(
-                Series(key, NumberKind(kind), unit, tuple(nights[i] for i in places), np.array(values))
-            )
+            places, values = zip(*((nights[row[3]], number(row[4])) for row in group), strict=True)
+            found.append(Series(key, NumberKind(kind), unit, places, np.array(values)))
         return found
 
 

@@ -16,7 +16,7 @@ from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.exhibits import Intervals, Line, Plot, Sheet
 from actin_xcheck.report.figure import STYLES, Style
 from actin_xcheck.report.film import FilmStrip, film_data, film_strip
-from actin_xcheck.report.page import environment, put_page
+from actin_xcheck.report.page import PROVENANCE, environment, put_page
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.compare import Comparison, read_comparison
@@ -84,8 +84,10 @@ def write_comparison_page(path: Path) -> Path:
     """
     path = Path(path)
     comparison = read_comparison(path)
+    sections = _sections(comparison)
     html = environment(path.parent).get_template("page.html")
     text = html.render(
+        parts=[*((f"scene-{one.number}", one.name) for one in sections), PROVENANCE],
         badly=known_badly(comparison.known, comparison.finals),
         matrix=_matrix(comparison),
         attributes=comparison.attributes,
@@ -93,7 +95,7 @@ def write_comparison_page(path: Path) -> Path:
         failing=[claim for claim in comparison.claims if claim.judged and not claim.holds],
         total=sum(claim.judged for claim in comparison.claims),
         unjudged=sum(not claim.judged for claim in comparison.claims),
-        sections=_sections(comparison),
+        sections=sections,
         versions=_versions(comparison),
         file=path.name,
     )

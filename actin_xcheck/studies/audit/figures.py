@@ -97,10 +97,9 @@ def _table_1(printed: dict[str, float]) -> RowAnswer:
 def _table_2(printed: dict[str, str]) -> RowAnswer:
     groups = _UNITS.non_dimensional()
     wrong = [name for name, text in printed.items() if not rounds_to(getattr(groups, name), text)]
-    rows = [(name, text, f"{getattr(groups, name):.6g}") for name, text in printed.items()]
-    sheet = Sheet(
-        "table2", "Table 2 from Table 1", "L = 1 cm", (("group", "Table 2", "(3.1) of Table 1"), *rows)
-    )
+    rows = [("group", "Table 2", "(3.1) of Table 1")]
+    rows += ((name, text, f"{getattr(groups, name):.6g}") for name, text in printed.items())
+    sheet = Sheet("table2", "Table 2 from Table 1", "L = 1 cm", tuple(rows))
     return answer(not wrong, exhibits=(sheet,), groups=groups, wrong=len(wrong))
 
 
@@ -140,9 +139,8 @@ def _table_4() -> RowAnswer:
     wrong = [f"{row.psi:g}" for row in TABLE_4_PRINTED if set(sets[row.psi]) != {row.modes}]
     per_unit = DimensionalParameters(psi=1.0, p=0.3).non_dimensional().psi
     # both columns are rounded: some psi must round to both
-    digits = [
-        abs(row.psi / per_unit - row.psi_dimensional) <= 0.0005 + 0.0005 / per_unit for row in TABLE_4_PRINTED
-    ]
+    off = 0.0005 + 0.0005 / per_unit
+    digits = [abs(row.psi / per_unit - row.psi_dimensional) <= off for row in TABLE_4_PRINTED]
     agree = all(len(set(found)) == 1 for found in sets.values())
     head = ("ψ", "ψ (dyn/cm²)", "printed", "b < 0", "k²_crit, δ = 0 and 1", "first k² above")
     sheet = Sheet("table4", "Table 4 by (3.8)", "p = 0.26", (head, *map(_table_4_row, TABLE_4_PRINTED)))
@@ -307,9 +305,8 @@ def _mixed_8a(**given: Any) -> RowAnswer:
     surface = _surface(**given)
     theta = np.linspace(0, 2 * np.pi, 65)
     x, turned = (np.array([np.cos(t), np.sin(t)]) * 0.7 for t in (theta, theta - np.pi / 2))
-    difference = float(
-        np.abs(W02.value(turned) + 2 * W21.value(turned) - W02.value(x) + 2 * W21.value(x)).max()
-    )
+    off = W02.value(turned) + 2 * W21.value(turned) - W02.value(x) + 2 * W21.value(x)
+    difference = float(np.abs(off).max())
     sums = surface.values["sums"]
     ratio = sums["w2,1"] / sums["w0,2"]
     holds = surface.holds and difference < 1e-12 and ratio < 0
