@@ -1,8 +1,12 @@
 """What tests of several files are given."""
 
+import os
+import pickle
 import shlex
+import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -12,6 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from actin_xcheck.cli import app
+from actin_xcheck.core.files import replace_file
 from tests.browser import CHROMIUM, SCREEN, chromium
 
 if TYPE_CHECKING:
@@ -38,10 +43,29 @@ def tab(browser: Browser) -> Iterator[Page]:
 
 @pytest.fixture(scope="session")
 def carried(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], "Carried"]:
-    """Carries the smallest plan of a study out, when it is first asked for."""
+    """Carries the smallest plan of a study out when it is first asked for, once for all of a run."""
     from tests.small import carried_out
 
-    return cache(lambda name: carried_out(name, tmp_path_factory.mktemp(name)))
+    together = tmp_path_factory.getbasetemp()
+    together = together.parent if "PYTEST_XDIST_WORKER" in os.environ else together
+
+    def carry(name: str) -> "Carried":
+        folder, kept = together / f"small-{name}", together / f"small-{name}.pickle"
+        while not kept.exists():
+            try:
+                folder.mkdir()
+            except FileExistsError:  # another process is at it
+                time.sleep(0.1)
+                continue
+            try:
+                replace_file(kept, pickle.dumps(carried_out(name, folder)))
+            except BaseException:
+                shutil.rmtree(folder)
+                raise
+        carried: Carried = pickle.loads(kept.read_bytes())
+        return carried
+
+    return cache(carry)
 
 
 @pytest.fixture(scope="session")

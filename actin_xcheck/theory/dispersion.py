@@ -296,17 +296,6 @@ def isolated_modes(model: Model, version: Version = Version.CORRECTED) -> tuple[
     return modes_below(math.sqrt(max(crit, 0.0)))
 
 
-def unstable_modes(model: Model, version: Version = Version.CORRECTED) -> tuple[Mode, ...]:
-    """Return the modes with Re lambda > 0 by increasing k.
-
-    With c >= 0 the roots' sum is -b/mu and their product c/mu >= 0: Re lambda > 0 just where b < 0 (Table 3).
-    Raises ValueError where there are infinitely many (c < 0, or d = 0) or delta is not constant.
-    """
-    if stiffness(model, version) < 0:
-        raise ValueError("p_e > 1 + nu' makes c(k^2) < 0 for all k: every mode is unstable (Table 3)")
-    return tuple(mode for mode in isolated_modes(model, version) if mode.k > 0)
-
-
 def leading_growth_rate(model: Model, m: int, n: int) -> complex:
     """Return the rate of mode (m, n) with the largest real part (imaginary part >= 0), corrected.
 

@@ -333,11 +333,6 @@ class KnownTo:
         """By quantity."""
         return {"area": self.area, "total_actin": self.total_actin}
 
-    @property
-    def is_well(self) -> bool:
-        """Whether all integrals are known to 1 % or better."""
-        return all(error <= WELL for error in self.errors.values())
-
 
 def known_to(scene: Scene, levels: Sequence[Levels]) -> KnownTo:
     """To what a scene's integrals are known by its runs.
