@@ -69,12 +69,14 @@ class Load:
     bound : relative, of velocities at refine 4: 1.3 times what is found, which falls with h^2.
     moved : where nodes are.
     a : under what actin.
+    carried : whether what the balances carry has a part in it, and its rate.
     """
 
     model: Model
     bound: float
     moved: Callable[..., Array] = stirred
     a: Callable[[Array], Array] = lopsided
+    carried: bool = False
 
 
 def _loaded(psi: float, p: float, rheology: Rheology, **given: Any) -> Model:
@@ -96,6 +98,7 @@ LOADS = {
     "a free cell": Load(model=_loaded(100, 0.3, _VISCOUS, closure=_FREE), bound=1.35e-2, moved=elsewhere),
     "a wall": Load(model=_loaded(0, 0, _ELASTIC, closure=_WALL), bound=1.2e-2, moved=turned),
     "a membrane": Load(model=_loaded(0, 1, _VISCOUS, delta=Delta.MEMBRANE), bound=5.5e-3),
+    "a free rim": Load(model=_loaded(0, 4, _ELASTIC, delta=Delta.MEMBRANE), bound=4.8e-3, carried=True),
     # velocities are linear in x, exactly, for both codes and on any mesh
     "a tension": Load(
         model=_loaded(50, 1, _ELASTIC, delta=Delta.MEMBRANE), bound=1e-8, moved=swollen, a=uniform
@@ -134,12 +137,21 @@ class Balanced:
         return self.held(self.flow(FORCE_BALANCE), self.flow(FV_FORCE_BALANCE))
 
     def flow(self, balance: str) -> Move:
-        """The second of two steps of a force balance, "module:Class"; the first at rest, with other actin."""
+        """The second of two steps of a force balance, "module:Class"; the first at rest, with other actin.
+
+        Where what is carried has a part, both are explicit, from the moved cell, under its actin.
+        """
         load, dt = LOADS[self.load], 0.02
         mesh = disk(self.refine, load.model.parameters.l0)
-        code, x = loaded(balance)(load.model, mesh), load.moved(mesh.xi)
-        for nodes, a in ((mesh.xi, 0.7 + 0 * mesh.xi[0]), (x, load.a(mesh.xi))):
-            move: Move = code.advance(0.0, dt, nodes, a[mesh.triangles])
+        code, x, a = loaded(balance)(load.model, mesh), load.moved(mesh.xi), load.a(mesh.xi)
+        if load.carried:
+            carried, dt = code.carried(lambda xi: load.moved(xi) - xi), 0.2  # long enough for rates to tell
+            for _ in range(2):
+                move: Move = code.flow(0.0, x, a[mesh.triangles], carried)
+                x, carried = x + dt * move.v, carried + dt * move.carried
+            return replace(move, x=move.v)
+        for nodes, actin in ((mesh.xi, 0.7 + 0 * a), (x, a)):
+            move = code.advance(0.0, dt, nodes, actin[mesh.triangles])
         return replace(move, x=(move.x - x) / dt if move.outcome.ok else np.full_like(x, np.nan))
 
     def held(self, elements: Move, volumes: Move) -> list[Claim]:

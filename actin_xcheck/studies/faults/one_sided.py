@@ -73,6 +73,10 @@ class _Read:
 # wrong deltas, loads and gradients
 
 
+def _without_traction(right: Function, self: Any, x: Array, v: Array, across: Array, force: Array) -> Any:
+    return right(self, x, v, across, 0 * force)
+
+
 def _inside_out(right: Function, self: Any, *arguments: Any) -> None:
     right(self, *arguments)
     self.delta = 1 - self.delta
@@ -219,6 +223,27 @@ OF_BOTH = tuple(
 
 OF_ELEMENTS = (
     Fault(
+        "fem-rim-not-carried",
+        "The deformation gradient across the rim stays what it was at the start, in the finite elements.",
+        "fem",
+        "fem.rim:FreeRim.rate",
+        nothing,
+    ),
+    Fault(
+        "fem-rim-reaction-dropped",
+        "The closure's reaction has no part in how the rim's finite elements stretch.",
+        "fem",
+        "fem.rim:FreeRim._reaction",
+        nothing,
+    ),
+    Fault(
+        "fem-rim-jump-dropped",
+        "A membrane's own load is no traction on the rim's finite elements.",
+        "fem",
+        "fem.force_balance:ForceBalance._jump",
+        nothing,
+    ),
+    Fault(
         "fem-rim-load-lagged",
         "The load on the rim's edges is that of the concentration of the call before.",
         "fem",
@@ -256,6 +281,20 @@ OF_ELEMENTS = (
 )
 
 OF_VOLUMES = (
+    Fault(
+        "fv-rim-not-carried",
+        "The deformation gradient across the rim stays what it was at the start, in the finite volumes.",
+        "fv",
+        "fv.rim:FreeRim.rate",
+        nothing,
+    ),
+    Fault(
+        "fv-rim-traction-dropped",
+        "Finite volumes stretch across the rim as if no traction acted on its faces.",
+        "fv",
+        "fv.rim:FreeRim.rate",
+        _without_traction,
+    ),
     Fault(
         "fv-rim-load-dropped",
         "The rim's faces of the finite volumes are pulled from within and not pushed from without.",
