@@ -7,7 +7,6 @@ import h5py
 import numpy as np
 import pytest
 
-from actin_xcheck.cli import studies as commands
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.report.page import write_page
@@ -17,7 +16,7 @@ from actin_xcheck.runs.records import read_record, write_record
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run, reading
 from actin_xcheck.scene.scene import load_scene, parse_scene
-from actin_xcheck.studies.converge import claim_of, converge
+from actin_xcheck.studies.converge import claim_of, converge, plan
 from actin_xcheck.studies.converge.plan import Refined, RefinedLevel, TruthKind, final, refinements_of
 from actin_xcheck.verdicts import orders
 from actin_xcheck.verdicts.known import Quantity, error_of
@@ -136,12 +135,12 @@ def test_a_ring_that_data_do_not_fit_is_seen(this, other):
 
 
 def test_without_arguments_every_method_that_moves_its_nodes_is_studied():
-    chosen = {name: commands.moving_their_own(name, named=False) for name in commands.CONVERGED}
+    chosen = {name: plan.moving_their_own(name, named=False) for name in plan.CONVERGED}
     studied = {method for methods in chosen.values() for method in methods}
     claimed = [one for one in METHODS.values() if one.space < 5]  # above P4 no order is claimed
     assert studied == {one.name for one in claimed if one.driven_by is None or not one.order_h}
     assert "fem-p4-imex4" not in chosen["smooth-fronts"]
-    assert "fem-p4-imex4" in commands.moving_their_own("smooth-fronts", named=True)
+    assert "fem-p4-imex4" in plan.moving_their_own("smooth-fronts", named=True)
 
 
 def test_a_scene_is_run_without_intermediate_outputs():

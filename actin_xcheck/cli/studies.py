@@ -38,24 +38,6 @@ if TYPE_CHECKING:
     from actin_xcheck.studies.study import Study
     from actin_xcheck.studies.sweep import SweepTable
 
-CONVERGED = {
-    "static-decay": 2,
-    "growing-disk": 3,
-    "stirred": 2,
-    "stirred-static": 2,
-    "manufactured-moving": 4,
-    "manufactured-static": 4,
-    "fitted-ring": 3,
-    "fitted-ring-elastic": 2,
-    "smooth-fronts": 1,
-    "mode-0-cell": 2,
-    "fig14-four-fronts": 1,
-}
-"""Scenes and the highest order of their elements: above it nothing is claimed, or one level takes minutes."""
-
-EXHIBITED = "manufactured-moving"
-"""Where the exhibits of what stalls are shown unless they are asked for."""
-
 
 @study_command("compare")
 def compare(
@@ -100,7 +82,7 @@ def converge(scenes: Scenes = None, methods: Methods = None) -> "Study":
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.scene.scene import load_scenes
     from actin_xcheck.studies.converge import converge as study
-    from actin_xcheck.studies.converge.plan import refinements_of
+    from actin_xcheck.studies.converge.plan import CONVERGED, moving_their_own, refinements_of
 
     asked = [
         one
@@ -112,18 +94,6 @@ def converge(scenes: Scenes = None, methods: Methods = None) -> "Study":
     if not asked:
         raise UserError("--method: what is declared to stall is studied where the exact solution is known")
     return study(asked)
-
-
-def moving_their_own(scene: str, named: bool) -> list[str]:
-    """Methods that move their own nodes: driven ones repeat their scheme, or stall and are shown once."""
-    from actin_xcheck.runs.method import METHODS
-
-    return [
-        one.name
-        for one in METHODS.values()
-        if (one.driven_by is None and (named or one.space <= CONVERGED[scene]))
-        or (scene == EXHIBITED and not one.order_h)
-    ]
 
 
 @study_command("paper")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from actin_xcheck.core.model import Delta
-from actin_xcheck.runs.method import Method
+from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.stored import Stored
@@ -38,6 +38,35 @@ one, and 256 on the finest; the others are so many that the error in space leads
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits."""
+
+
+CONVERGED = {
+    "static-decay": 2,
+    "growing-disk": 3,
+    "stirred": 2,
+    "stirred-static": 2,
+    "manufactured-moving": 4,
+    "manufactured-static": 4,
+    "fitted-ring": 3,
+    "fitted-ring-elastic": 2,
+    "smooth-fronts": 1,
+    "mode-0-cell": 2,
+    "fig14-four-fronts": 1,
+}
+"""Scenes and the highest order of their elements: above it nothing is claimed, or one level takes minutes."""
+
+EXHIBITED = "manufactured-moving"
+"""Where the exhibits of what stalls are shown unless they are asked for."""
+
+
+def moving_their_own(scene: str, named: bool) -> list[str]:
+    """Methods that move their own nodes: driven ones repeat their scheme, or stall and are shown once."""
+    return [
+        one.name
+        for one in METHODS.values()
+        if (one.driven_by is None and (named or one.space <= CONVERGED[scene]))
+        or (scene == EXHIBITED and not one.order_h)
+    ]
 
 
 class Refined(StrEnum):
