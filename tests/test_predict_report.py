@@ -29,10 +29,11 @@ from actin_xcheck.report.exhibits import (
     Shot,
     Shots,
     read_chapters,
+    shares,
     write_exhibits,
 )
 from actin_xcheck.report.page import write_page
-from actin_xcheck.runs.records import read_record, write_record
+from actin_xcheck.runs.records import gathered, read_record, write_record
 from actin_xcheck.runs.store import reading
 from actin_xcheck.studies.study import Report, write_report
 from actin_xcheck.studies.theory import DrawnChapter
@@ -116,6 +117,22 @@ def test_every_record_comes_back_as_it_was(tmp_path, record, kind):
     with h5py.File(tmp_path / "x.h5") as file:
         assert kind is not Exhibit or file["one"].attrs["class"] == type(record).__name__
         assert same(read_record(file["one"], kind), record)
+
+
+def test_a_record_is_gathered_from_the_first_that_has_it():
+    line = Line("first", np.zeros(1), np.ones(1), style=3)
+    found = gathered(Line, Sheet("key", "t", "n", ()), line, Plot("p", "t", "n", "x", ()), y=np.zeros(1))
+    assert (found.label, found.style, found.y[0], found.shape) == ("first", 3, 0, "circle")
+    with pytest.raises(TypeError, match="'x' and 'y'"):
+        gathered(Line, Sheet("key", "t", "n", ()), label="neither has a place")
+
+
+def test_shares_leave_out_what_a_logarithm_has_no_place_for():
+    plot = shares("t", "n", "x", "bound", {"some": [4.0, 0.0, np.inf, 0.5, np.nan], "none": [0.0]})
+    (line,) = plot.lines
+    assert (line.label, line.x.tolist(), line.y.tolist()) == ("some", [0.5, 4.0], [0.5, 1.0])
+    assert plot.marks == (("bound", 1.0),)
+    assert plot.log
 
 
 def test_an_exhibit_that_would_not_come_back_is_refused_and_nothing_half_written_left(tmp_path):
