@@ -11,10 +11,11 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.contract import NOTHING, Move
 from actin_xcheck.core.errors import Outcome
-from actin_xcheck.core.linear import Operator, Preconditioner, SymmetricSolver, bincount
+from actin_xcheck.core.linear import Operator, SymmetricSolver, bincount
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
+from actin_xcheck.core.preconditioner import Preconditioner
 from fem.boundary import Constraint, free_motions, rigid_motions, settle
 from fem.kernels import CellSample
 from fem.rim import FreeRim

@@ -9,11 +9,12 @@ import scipy.sparse as sp
 
 from actin_xcheck.core.contract import Mechanics, Memento, Polygonal, Problem, State, recalled, remembered
 from actin_xcheck.core.errors import Outcome
-from actin_xcheck.core.linear import Operator, Preconditioner, SymmetricSolver
+from actin_xcheck.core.linear import Operator, SymmetricSolver
 from actin_xcheck.core.mesh import Mesh, orientation, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import Anchor
 from actin_xcheck.core.observables import balance_residual
+from actin_xcheck.core.preconditioner import Preconditioner
 from fem.force_balance import ForceBalance
 from fem.space import CELLWISE, Space
 

@@ -5,20 +5,19 @@ This is the one seam to sparse direct solvers; no residual above the tolerance p
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite, sqrt
 from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm, dtrsv
-from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.linalg.lapack import dpotrf
 
 from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.preconditioner import Front, Preconditioner
 
 TOLERANCE = 1e-10
 """Largest relative residual |Ax - b| / |b| that is not a failure.
@@ -98,26 +97,6 @@ def _checked(
     return solution, COMPLETED
 
 
-@dataclass(frozen=True, eq=False)
-class _Front:
-    """Unknowns eliminated together, and where their dense matrix gets its numbers.
-
-    Attributes
-    ----------
-    pivots : range of the unknowns eliminated here, in elimination order.
-    boundary : later unknowns coupled to them, (m - p,); m rows in all, p of them pivots.
-    place, source : entry `source` of the sparse matrix goes to `place` in the flattened front.
-    children : fronts whose Schur complements are added, each with its pieces (rows, columns, rows of the
-        child, columns of the child); only the upper triangle is ever read.
-    """
-
-    pivots: slice
-    boundary: Indices
-    place: Indices
-    source: Indices
-    children: list[tuple[int, list[tuple[slice, slice, slice, slice]]]]
-
-
 class SymmetricSolver:
     """Solver of symmetric positive definite systems that share one sparsity pattern.
 
@@ -142,7 +121,7 @@ class SymmetricSolver:
         upper = upper[np.argsort(row[upper], kind="stable")]
         cuts = np.searchsorted(row[upper], bounds)
         children: list[list[int]] = [[] for _ in starts]
-        self._fronts: list[_Front] = []
+        self._fronts: list[Front] = []
         for number, (start, end) in enumerate(pairwise(bounds.tolist())):
             source = upper[cuts[number] : cuts[number + 1]]
             coupled = [column[source], *(self._fronts[child].boundary for child in children[number])]
@@ -151,7 +130,7 @@ class SymmetricSolver:
             front = np.concatenate([np.arange(start, end), boundary])
             place = (row[source] - start) * front.size + np.searchsorted(front, column[source])
             pieces = [(child, _pieces(front, self._fronts[child].boundary)) for child in children[number]]
-            self._fronts.append(_Front(slice(start, end), boundary, place, source, pieces))
+            self._fronts.append(Front(slice(start, end), boundary, place, source, pieces))
             if boundary.size:
                 children[int(np.searchsorted(starts, boundary[0], side="right")) - 1].append(number)
 
@@ -159,7 +138,7 @@ class SymmetricSolver:
         self,
         matrix: "sp.csr_matrix | Operator",
         rhs: Array,
-        near: "Preconditioner | None" = None,
+        near: Preconditioner | None = None,
         start: Array | None = None,
     ) -> tuple[Array, Outcome]:
         """Like `linear.solve`, which takes over where the matrix is not positive definite.
@@ -178,7 +157,7 @@ class SymmetricSolver:
         solution, outcome = _checked(self._factorise, matrix, rhs)
         return (solution, outcome) if outcome.ok else solve(matrix, rhs)
 
-    def preconditioner(self, matrix: sp.csr_matrix) -> "Preconditioner | None":
+    def preconditioner(self, matrix: sp.csr_matrix) -> Preconditioner | None:
         """Return what stands for the inverses of matrices near this one; None if it has no factor."""
         WORK[FACTORISATIONS] += 1
         try:
@@ -225,7 +204,7 @@ class SymmetricSolver:
 
 
 def _iterated(
-    matrix: sp.csr_matrix | Operator, rhs: Array, near: "Preconditioner", start: Array | None
+    matrix: sp.csr_matrix | Operator, rhs: Array, near: Preconditioner, start: Array | None
 ) -> Array | None:
     """Solve by conjugate gradients, refined once; None where a factorisation is faster, or needed."""
     scale = sqrt(rhs @ rhs)
@@ -247,7 +226,7 @@ def _iterated(
 
 
 def _conjugate_gradients(
-    matrix: sp.csr_matrix | Operator, rhs: Array, near: "Preconditioner", goal: float | None
+    matrix: sp.csr_matrix | Operator, rhs: Array, near: Preconditioner, goal: float | None
 ) -> Array | None:
     """Reduce the residual's norm to a goal, or to `POLISH` of what it is; None where that takes too long."""
     scale = sqrt(rhs @ rhs)
@@ -275,108 +254,6 @@ def _conjugate_gradients(
         if sqrt(residual @ residual) <= goal:
             return solution
     return None
-
-
-class Preconditioner:
-    """The inverse of one matrix in single precision: a factor laid out for speed, applied to many vectors.
-
-    Fronts of one generation are independent of each other; those of nearly one size are padded to one and
-    substituted by one product each way.  Of A = [[A_pp, A_pb], [A_bp, A_bb]] a front keeps S = A_pp^-1 and
-    C = A_bp S: forwards b - C p goes to the boundary, backwards p becomes S p - C^T b.
-
-    Parameters
-    ----------
-    order : unknowns in order of elimination, (n,).
-    fronts : of the factorisation.
-    blocks : L by fronts, (pivots; boundary).
-    """
-
-    def __init__(self, order: Indices, fronts: list[_Front], blocks: Iterator[tuple[Array, Array]]) -> None:
-        self._order = order
-        self._groups = _groups(fronts, order.size)
-        place = {
-            number: (g, i) for g, group in enumerate(self._groups) for i, number in enumerate(group.fronts)
-        }
-        for number, (diagonal, below) in enumerate(blocks):
-            group, i = self._groups[place[number][0]], place[number][1]
-            pivots, size = diagonal.shape[0], below.shape[0]
-            group.inverse[i, :pivots, :pivots] = dpotri(diagonal, lower=1)[0]  # its lower triangle
-            group.coupling[i, :size, :pivots] = dtrsm(1.0, diagonal, below, side=1, lower=1)
-        for group in self._groups:
-            lower = np.tril(group.inverse)
-            group.inverse[:] = lower + np.tril(lower, -1).swapaxes(1, 2)
-
-    def __call__(self, vector: Array) -> Array:
-        """The inverse applied to a vector (n,)."""
-        scale = np.abs(vector).max()  # keeps small residuals out of single precision's underflow
-        x = np.zeros(vector.size + 1, dtype=np.float32)  # the last one is where padding points
-        x[:-1] = vector[self._order] / scale
-        for group in self._groups:
-            np.subtract.at(x, group.boundary.ravel(), (group.coupling @ x[group.pivots]).ravel())
-        x[-1] = 0
-        for group in reversed(self._groups):
-            back = group.coupling.swapaxes(1, 2) @ x[group.boundary]
-            x[group.pivots] = group.inverse @ x[group.pivots] - back
-        solution = np.empty_like(vector)
-        solution[self._order] = x[:-1]
-        return solution * scale
-
-
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Fronts of one generation, padded to p pivots and m boundary unknowns; padding is unknown n.
-
-    Attributes
-    ----------
-    fronts : their numbers, (f,).
-    pivots, boundary : their unknowns, (f, p, 1) and (f, m, 1).
-    inverse, coupling : S (f, p, p) and C (f, m, p) of each.
-    """
-
-    fronts: list[int]
-    pivots: Indices
-    boundary: Indices
-    inverse: NDArray[np.float32]
-    coupling: NDArray[np.float32]
-
-
-PADDING = 1.3
-"""Largest share of a group's numbers, padding included, in those of its fronts."""
-
-
-def _groups(fronts: list[_Front], size: int) -> list[_Group]:
-    """Sort fronts into groups, generation by generation from the leaves."""
-    generation = np.zeros(len(fronts), dtype=np.int64)
-    for number, front in enumerate(fronts):
-        generation[number] = 1 + max((generation[child] for child, _ in front.children), default=-1)
-    shapes = [(front.pivots.stop - front.pivots.start, front.boundary.size) for front in fronts]
-    order = sorted(range(len(fronts)), key=lambda number: (generation[number], *shapes[number]))
-    groups: list[list[int]] = []
-    p = m = kept = 0
-    for number in order:
-        wide, high = max(p, shapes[number][0]), max(m, shapes[number][1])
-        own = shapes[number][0] * sum(shapes[number])
-        alike = groups and generation[groups[-1][0]] == generation[number]
-        if alike and (len(groups[-1]) + 1) * wide * (wide + high) <= PADDING * (kept + own):
-            groups[-1].append(number)
-            p, m, kept = wide, high, kept + own
-        else:
-            groups.append([number])
-            p, m, kept = *shapes[number], own
-    return [_group(fronts, numbers, size) for numbers in groups]
-
-
-def _group(fronts: list[_Front], numbers: list[int], padding: int) -> _Group:
-    p = max(fronts[number].pivots.stop - fronts[number].pivots.start for number in numbers)
-    m = max(fronts[number].boundary.size for number in numbers)
-    pivots, boundary = (np.full((len(numbers), length, 1), padding) for length in (p, m))
-    for i, front in enumerate(fronts[number] for number in numbers):
-        pivots[i, : front.pivots.stop - front.pivots.start, 0] = np.arange(
-            front.pivots.start, front.pivots.stop
-        )
-        boundary[i, : front.boundary.size, 0] = front.boundary
-    inverse, coupling = (np.zeros((len(numbers), length, p), dtype=np.float32) for length in (p, m))
-    return _Group(numbers, pivots, boundary, inverse, coupling)
 
 
 def _pieces(front: Indices, boundary: Indices) -> list[tuple[slice, slice, slice, slice]]:
