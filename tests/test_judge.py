@@ -96,6 +96,27 @@ def test_what_is_off_fails_and_an_order_that_nobody_declares_is_not_judged(tmp_p
     assert [one.verdict for one in report.claims if one.kind == "order in h"] == ["NOT JUDGED"] * 2
 
 
+def test_of_a_number_that_is_nothing_there_is_no_order(tmp_path):
+    found = [
+        Theirs(
+            f"h{h}",
+            tuple(TIMES),
+            {"area": tuple(exact(TIMES) * (1 + h)), "centroid_x": tuple(h + 0 * TIMES)},
+            h=h,
+        )
+        for h in (0.02, 0.01)
+    ]
+    run = Truth(1e-7, tuple(TIMES), ("area", "centroid_x"), (*exact(TIMES), *np.zeros_like(TIMES)))
+    study = judge(SCENE, found, 0.1, 1.0, "")
+    next(study)
+    with pytest.raises(StopIteration) as end:
+        study.send([run])
+    orders = {one.quantity: one.order for one in end.value.value.tables["answers"].rows}
+    assert orders["area"] == pytest.approx(1)
+    assert np.isnan(orders["centroid_x"])
+    assert [one.quantity for one in end.value.value.claims if one.kind == "order in h"] == ["area"]
+
+
 def test_a_series_that_is_late_or_departs_too_far_is_told_so(tmp_path):
     late = read_theirs(write(tmp_path / "late.csv", series(lag=0.01)), SCENE, "a", "")
     (found,) = judged([late])[0].tables["answers"].rows

@@ -49,7 +49,8 @@ class JudgedValue:
     quantity, time : what, and when.
     theirs, truth, known_to : their number, the true one and its uncertainty.
     error : the largest over the output times, relative for integrals.
-    order : by which the error fell from the file before.
+    order : by which the error fell from the file before; nan where it is larger than the true number, which
+        then is nothing, as by symmetry, or smaller than what that is known to.
     lag, amplitude : of a series, by how much it is late, and times what it departs from its start; nan where
         nothing tells.
     """
@@ -154,6 +155,10 @@ def _rows(scene: Scene, files: Sequence[Theirs], run: Truth) -> list[JudgedValue
             true, row = true_value(scene, name, end, run), one.at(end)
             reached = abs(one.times[row] - end) <= SAME_TIME * end
             lag, amplitude = _lag(one, name, run)
+            if not (
+                true and abs(true[0]) > error > true[1]
+            ):  # else it is an error of nothing, or of the truth
+                order = nan
             rows.append(
                 JudgedValue(
                     file=one.name,
