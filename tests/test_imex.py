@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.errors import Ending
+from actin_xcheck.runs import march
+from actin_xcheck.runs.march import checked_step
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
@@ -186,3 +188,21 @@ def test_film_and_outcome_of_an_adaptive_run_land_on_the_outputs():
     assert outcome.ok
     assert [frame.t for frame in film.frames] == [0.0, *scene.output_times]
     assert film_of(solver, 0.02, (0.02,))[1].ok
+
+
+@pytest.mark.parametrize("pace", [1e-3, 1.0, 1e3])
+def test_the_second_step_is_as_long_as_the_tolerance_allows_whatever_the_scene_takes(pace, monkeypatch):
+    swelling = load_scene("rough-swelling")
+    scene = swelling.varied({"parameters.p": 2 * pace, "time.end": 2 / pace, "expect": None})
+    numerics, tried = Numerics(METHODS["fem-p2-imex3"], 1, scene.time.end, rtol=1e-7), []
+
+    def counted(solver, state, dt):
+        tried.append(dt)
+        return checked_step(solver, state, dt)
+
+    monkeypatch.setattr(march, "checked_step", counted)
+    steps = march.March(bind(scene, numerics), numerics, scene.output_times)
+    errors = [moment.state.local_error for moment in steps][1:]
+    assert steps.outcome.ok
+    assert max(errors[1:3]) > 0.1 * 1e-7
+    assert len(tried) <= len(errors) + 2

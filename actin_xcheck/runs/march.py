@@ -63,11 +63,11 @@ class March(Generic[S]):
         self, solver: Solver[S], numerics: Numerics, times: Sequence[float], begin: Moment[S] | None = None
     ) -> None:
         self._solver, self._dt, self._times, self._begin = solver, numerics.dt, times, begin
+        self.state = solver.init() if begin is None else begin.state
         self._controller: Controller | None = None
         if numerics.rtol is not None:
-            pace = begin.pace if begin else None
+            pace = (begin.pace if begin else None) or (first_step(self.state, numerics.dt), NONE)
             self._controller = Controller(numerics.rtol, numerics.method.order_dt, numerics.dt, pace)
-        self.state = solver.init() if begin is None else begin.state
         self.outcome = solver.check(self.state) if self.state.t == 0 else COMPLETED
 
     @property
@@ -110,14 +110,12 @@ class Controller:
     tolerance : largest local error a step may make, relative, in the sense of `State.local_error`.
     order : of the method; a step's error estimate falls like its power.
     largest : the largest step.
-    pace : of the controller that this one takes over from.
+    pace : the first step to be tried and `NONE`, or the pace of the controller that this one takes over from.
     """
 
-    def __init__(
-        self, tolerance: float, order: float, largest: float, pace: tuple[float, float] | None = None
-    ) -> None:
+    def __init__(self, tolerance: float, order: float, largest: float, pace: tuple[float, float]) -> None:
         self.tolerance, self.order, self.largest = tolerance, order, largest
-        self.dt, self.before = pace or (min(largest, 1e-3), 1.0)
+        self.dt, self.before = pace
 
     @property
     def pace(self) -> tuple[float, float]:
@@ -138,8 +136,7 @@ class Controller:
             new, outcome = checked_step(solver, state, dt)
             error = max(new.local_error / goal, 1e-10) if outcome.ok else np.inf
             if error <= 1:
-                factor = 0.9 * error ** (-0.7 / order) * self.before ** (0.4 / order)
-                grown = dt * min(max(factor, 0.2), 5.0)
+                grown = dt * self._growth(error)
                 # a step cut short by an output time says nothing against the one before it
                 self.dt = min(self.largest, max(grown, self.dt) if dt < self.dt else grown)
                 self.before = error
@@ -150,6 +147,29 @@ class Controller:
                 message = f"a step of {dt:.2g} at t = {state.t:.6g} still misses the tolerance {goal:g}"
                 return state, Outcome(Ending.STEP_TOO_SMALL, message)
             self.dt = dt * (0.25 if not outcome.ok else min(max(0.9 * error ** (-1 / order), 0.1), 0.9))
+
+    def _growth(self, error: float) -> float:
+        """Of the step after one of this error, over the tolerance; by that error alone after the first."""
+        if self.before == NONE:
+            return min(0.9 * error ** (-1 / self.order), FIRST_GROWTH)
+        # a step far below the tolerance says that steps are too short, not that errors grow
+        factor = 0.9 * error ** (-0.7 / self.order) * max(self.before, LEAST_BEFORE) ** (0.4 / self.order)
+        return min(max(factor, 0.2), 5.0)
+
+
+NONE = 0.0
+"""In place of the last step's error: there has been none."""
+
+FIRST_GROWTH, LEAST_BEFORE = 100.0, 0.1
+"""The most that a step is longer than the first; the least that the last error counts for."""
+
+
+def first_step(state: State, largest: float) -> float:
+    """A hundredth of the time in which the fastest node would go as far as the radius, or the network turns
+    over, which is 1: a step whose error then says how long the next one is (Hairer, Norsett and Wanner,
+    Solving Ordinary Differential Equations I, section II.4).
+    """
+    return min(largest, 0.01 / max(float(np.abs(state.v).max(initial=0.0)), 1.0))
 
 
 SMALLEST = 1e-9
