@@ -89,7 +89,7 @@ KINDS = (
     Kind(FRONTS, "fem-p2-imex3", 3, 1.0, 3e-6),
     Kind(FRONTS, "fem-p4-imex4", 2, 1.0, 3e-8, Fidelity.SECTOR),
     Kind(ROUND, "fem-p4-imex4", 3, 1.0, 1e-10, Fidelity.RADIAL),
-    Kind(SMALL, "fem-p2-imex3", 2, 1.0, 1e-6, Fidelity.MODAL),
+    Kind(SMALL, "fem-p2-imex3", 2, 0.02, 1e-6, Fidelity.MODAL),
     Kind(FREE, "fem-p1-imex2", 3, 1e-3),
     Kind(STRONG, "fem-p1-paper", 3, 1e-4),
     Kind(TWIN, "fem-p1-paper", 3, 1e-3),
@@ -105,9 +105,9 @@ QUICK = (
     Kind(FRONTS, "fem-p2-imex3", 2, 1.0, 1e-4),
     Kind(FRONTS, "fem-p4-imex4", 2, 1.0, 1e-5, Fidelity.SECTOR),
     Kind(ROUND, "fem-p4-imex4", 3, 1.0, 1e-7, Fidelity.RADIAL),
-    Kind(SMALL, "fem-p2-imex3", 2, 1.0, 1e-6, Fidelity.MODAL),
+    Kind(SMALL, "fem-p2-imex3", 2, 0.02, 1e-6, Fidelity.MODAL),
     Kind(FRONTS, "fv-coupled", 2, 1e-2),
-    Kind(FRONTS, "fv-order2", 2, 1.0, 1e-3),
+    Kind(FRONTS, "fv-order2", 2, 1.0, 1e-4),
     Kind(STIRRED, "fv-driven", 2, 1e-2),
 )
 """Small ones of most of them, which end within seconds."""

@@ -24,7 +24,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine
 
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.core.lagrange import HIGHEST, lagrange, quadrature
+from actin_xcheck.core.lagrange import HIGHEST, TABLED, lagrange, quadrature
 from actin_xcheck.core.linear import SymmetricSolver, solve
 from actin_xcheck.core.mesh import Symmetry, disk, sector
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
@@ -236,8 +236,12 @@ def test_polynomials_of_the_elements_degree_are_its_own(k):
     along = np.einsum("n,niq->iq", (1 + r - 2 * s) ** k, slopes)
     assert same(along, k * (1 + x - 2 * y) ** (k - 1) * np.array([[1], [-2]]), 2.0**k * k, 1e-12)
     assert np.abs(values).sum(axis=0).max() < 6  # equispaced nodes have 24 at k = 8
-    for degree in (2 * k, 4 * k - 2):
+    for degree in (k, 2 * k, 4 * k - 2):
         (x, y), weights = quadrature(degree)
+        if degree <= TABLED:
+            points, theirs = get_quadrature(ElementTriP1(), degree)
+            assert np.array_equal([x, y], points)
+            assert np.array_equal(weights, theirs)
         exact = math.factorial(degree) / math.factorial(degree + 2)
         assert weights @ x**degree == pytest.approx(exact, rel=1e-12)
         assert weights @ (x + y) ** degree == pytest.approx(1 / (degree + 2), rel=1e-12)

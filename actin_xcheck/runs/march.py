@@ -278,8 +278,9 @@ class Recorder:
             self.frame(state)
 
     def frame(self, state: State) -> None:
-        """Write a frame."""
-        self.writer.frame(state.t, self.solver.frame(state))
+        """Write a frame, if anybody will see it."""
+        if not self.passing:
+            self.writer.frame(state.t, self.solver.frame(state))
 
 
 REST = 50.0

@@ -147,7 +147,7 @@ def run(
     progress, stop : called, and asked, after every step; what is not 0 ends it there, as `interrupted`.
     resume : whether to go on from the checkpoint that an interrupted run of the same kind has left, to the
         bits that it would have reached; without one it begins at t = 0, and a finished run stays as it is.
-    passing : whether it will be compared and thrown away: without polarity (nan) and checkpoints.
+        passing : whether it will be compared and thrown away: without polarity (nan), frames and checkpoints.
     pictures : of its film, evenly through its time beside those of the output times, where steps end.
 
     Raises UserError where the file cannot be written, or another process does, or `resume` finds another run.

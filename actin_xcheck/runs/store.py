@@ -46,7 +46,8 @@ _ENDING = ("outcome", "message", "wall_seconds")
 _CHECKPOINT = "checkpoint"
 
 
-_ROWS_PER_CHUNK = 256
+_ROWS_PER_CHUNK, _NUMBERS_KEPT = 256, 2**16
+"""Rows, and coordinates of frames, that are gathered before they are written: each access takes its time."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,6 +113,7 @@ class RunWriter:
             raise ValueError(f"attributes of a run lack {', '.join(missing)}")
         self._path = Path(path)
         self._rows: list[dict[str, Array]] = []
+        self._frames: list[tuple[float, Frame]] = []
         self._shapes: dict[str, tuple[int, ...]] = {}
         self._file = _in_memory(unfinished(self._path), "r+" if goes_on else "w")
         if goes_on:
@@ -147,7 +149,9 @@ class RunWriter:
 
     def frame(self, t: float, frame: Frame) -> None:
         """Append one output time."""
-        vtkhdf.append_frame(self._file, t, frame)
+        self._frames.append((t, frame))
+        if len(self._frames) * frame.x.size > _NUMBERS_KEPT:
+            self._write_frames()
 
     def checkpoint(self, arrays: Mapping[str, NDArray[Any]], outcome: Outcome, wall_seconds: float) -> None:
         """Put the run as it is on disk, and with it what it goes on from, see `last_checkpoint`.
@@ -192,6 +196,7 @@ class RunWriter:
 
     def _put(self, path: Path, outcome: Outcome, wall_seconds: float) -> None:
         self._write_rows()
+        self._write_frames()
         ending = (str(outcome.ending), outcome.message, wall_seconds)
         state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
         try:
@@ -205,6 +210,11 @@ class RunWriter:
         for name in self._rows[0] if self._rows else ():
             vtkhdf.append(self._series[name], np.stack([row[name] for row in self._rows]))
         self._rows.clear()
+
+    def _write_frames(self) -> None:
+        if self._frames:
+            vtkhdf.append_frames(self._file, *zip(*self._frames, strict=True))
+        self._frames.clear()
 
 
 def read_run(path: Path) -> Run:

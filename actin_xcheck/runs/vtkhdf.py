@@ -5,6 +5,7 @@ output time, and `/VTKHDF/Steps` says where the blocks of each step start.  Vect
 last one zero.  Cells of order k > 1 are VTK's Lagrange triangles (`lagrange.py`): fields and sides are P_k.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,31 +110,32 @@ def create(file: h5py.File, xi: Array, cells: Indices, delta: Array) -> None:
             growing(offsets, name, (), rows=64, dtype=np.int64)
 
 
-def append_frame(file: h5py.File, t: float, frame: Frame) -> None:
-    """Append one output time."""
-    grid, steps = file["VTKHDF"], file["VTKHDF/Steps"]
-    first_point, first_cell = len(grid["Points"]), len(grid["CellData/a"])
-    x = _in_space(frame.x)
-    append(grid["Points"], x)
-    append(grid["PointData/a"], frame.a)
-    append(grid["PointData/u"], x - grid["PointData/xi"][:])
-    append(grid["PointData/v"], _in_space(frame.v))
-    append(grid["CellData/a"], frame.a_cells)
+def append_frames(file: h5py.File, times: Sequence[float], frames: Sequence[Frame]) -> None:
+    """Append output times: all at once, for each access to a file takes what a small picture takes."""
+    grid, steps, count = file["VTKHDF"], file["VTKHDF/Steps"], np.arange(len(frames))
+    xi = grid["PointData/xi"][:]
+    points, cells = len(grid["Points"]) + len(xi) * count, len(grid["CellData/a"])
+    x = [_in_space(frame.x) for frame in frames]
+    append(grid["Points"], np.concatenate(x))
+    append(grid["PointData/a"], np.concatenate([frame.a for frame in frames]))
+    append(grid["PointData/u"], np.concatenate([one - xi for one in x]))
+    append(grid["PointData/v"], np.concatenate([_in_space(frame.v) for frame in frames]))
+    append(grid["CellData/a"], np.concatenate([frame.a_cells for frame in frames]))
 
-    append(steps["Values"], [t])
-    append(steps["NumberOfParts"], [1])
+    append(steps["Values"], times)
+    append(steps["NumberOfParts"], np.ones_like(count))
     for name in ("PointOffsets", "PointDataOffsets/a", "PointDataOffsets/u", "PointDataOffsets/v"):
-        append(steps[name], [first_point])
-    append(steps["CellDataOffsets/a"], [first_cell])
+        append(steps[name], points)
+    append(steps["CellDataOffsets/a"], cells + frames[0].a_cells.size * count)
     for name in ("PartOffsets", "PointDataOffsets/xi", "CellDataOffsets/delta"):
-        append(steps[name], [0])
+        append(steps[name], 0 * count)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        append(steps[name], [[0]])
+        append(steps[name], 0 * count[:, None])
     steps.attrs["NSteps"] = len(steps["Values"])
 
 
 def read(file: h5py.File) -> Film:
-    """Return `/VTKHDF`; KeyError or ValueError where it is not what `create` and `append_frame` write."""
+    """Return `/VTKHDF`; KeyError or ValueError where it is not what `create` and `append_frames` write."""
     grid = file["VTKHDF"]
     times, xi = numbers(grid, "Steps/Values", 1), numbers(grid, "PointData/xi", 2)[:, :2].T
     nodes, delta = whole(grid, "Connectivity"), numbers(grid, "CellData/delta", 1)
