@@ -208,12 +208,20 @@ def threshold_of(scene, refine, steps, near):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["mode-11-wall", "mode-21-wall-270", "mode-1-cell", "mode-2-cell"])
-def test_modes_grow_by_volumes_beyond_the_predicted_thresholds(name):
+@pytest.mark.parametrize(
+    ("name", "meshes"),
+    [
+        ("mode-11-wall", (3, 4)),
+        ("mode-21-wall-270", (3, 4)),
+        ("mode-1-cell", (3, 4)),
+        ("mode-2-cell", (4, 5)),  # on coarser ones its error has the other sign
+    ],
+)
+def test_modes_grow_by_volumes_beyond_the_predicted_thresholds(name, meshes):
     """Of the wall and of the moving cell, extrapolated in h^2 from two meshes: within 0.5 %."""
     scene = load_scene(name)
     exact = threshold(scene.physics, scene.mode[0]).psi
-    coarse, fine = (threshold_of(scene, refine, 40, exact) for refine in (3, 4))
+    coarse, fine = (threshold_of(scene, refine, 40, exact) for refine in meshes)
     assert (4 * fine - coarse) / 3 == pytest.approx(exact, rel=0.005)
 
 
