@@ -55,10 +55,11 @@ CASES = {
     "references, steps chosen": (["fig14-four-fronts"], [P1, FV_2], 2, 0.03, 1e-3),
     "steps chosen by one of two": (["growing-disk"], [P2, FV], 2, 0.1, 1e-3),
 }
+LONG = ("growth", "references, steps chosen")
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(one, marks=pytest.mark.slow) if one == "growth" else one for one in CASES]
+    "case", [pytest.param(one, marks=pytest.mark.slow) if one in LONG else one for one in CASES]
 )
 def test_every_claim_and_every_run_of_a_comparison_is_made_again(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

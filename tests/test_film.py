@@ -240,6 +240,7 @@ def test_runs_are_chosen_where_there_are_more_than_two(film: Page) -> None:
     assert "no frame, the run is tangled" in text(film, ".pane:nth-child(2) .extent", LAST)
 
 
+@pytest.mark.slow
 def test_paper_and_a_browser_without_scripts_show_the_strip(film: Page, page: Path) -> None:
     shown = (
         "[...document.querySelectorAll('.player, .frames')].map(one => one.offsetHeight > 0 ? 1 : 0).join('')"
