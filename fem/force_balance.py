@@ -100,13 +100,13 @@ class ForceBalance:
         other._anchor = anchor
         return other
 
-    def advance(self, t: float, dt: float, x: Array, corners: Array) -> Move:
+    def advance(self, t: float, dt: float, x: Array, corners: Array, about: Array | None = None) -> Move:
         """Move the nodes from x (2, N) at t by one step of (B.23a) under corner values (3, n_cells)."""
         system = self.assemble(x, corners, dt)
         outcome = self.model.dilated(t, system.dilation, self._place)
         if not outcome.ok:
             return Move(x, np.zeros_like(x), outcome)
-        v, gauge, outcome = self._rates(x, system)
+        v, gauge, outcome = self._rates(x, system, about)
         return Move(self.settle(x + dt * v), v, outcome, gauge.force, gauge.torque)
 
     def velocity(self, t: float, x: Array, corners: Array) -> Array:

@@ -40,7 +40,7 @@ from actin_xcheck.core.observables import Measures
 from fem.fields import Lattice, cell_means, locate, measure, orientation
 from fem.force_balance import ForceBalance
 from fem.solver import TransportMatrices, TransportSolver
-from fem.space import CELLWISE, Space
+from fem.space import Space
 from fem.tableaux import TABLEAUX
 
 
@@ -173,8 +173,7 @@ class FemImex:
 
     def _first(self, state: ImexState) -> _Stage:
         """The stage at the old state: explicit in both."""
-        about = state.v if self._knows else None
-        move = self._flow(state.t, state.x, state.a, state.carried, about)
+        move = self._flow(state.t, state.x, state.a, state.carried, state.v)
         stiffness = TransportMatrices(self.space, state.x).stiffness
         gain, total = self._gain(state.t, state.x), self._rate() * state.content
         rate = gain - total - self.problem.model.parameters.d * (stiffness @ state.a)
@@ -187,11 +186,11 @@ class FemImex:
         x: Array,
         content: Array,
         carried: Array,
-        about: tuple[Array | None, Array | None],
+        about: tuple[Array, Array],
     ) -> _Stage:
         """Solve M a = content + dt G(t, x, a) for a, then ask how the nodes move under it.
 
-        `about` is what a and v are about, if that is known.
+        `about` is what a and v are about.
         """
         k, d = self._rate(), self.problem.model.parameters.d
         matrices, gain = TransportMatrices(self.space, x), self._gain(t, x)
@@ -201,17 +200,10 @@ class FemImex:
         move = self._flow(t, x, a, carried, about[1]) if outcome.ok else Move(x, np.zeros_like(x), outcome)
         return _Stage(a, move, (new - content) / dt, float(gain.sum() - k * new.sum()))
 
-    def _about(self, weights: Array, stages: list[_Stage]) -> tuple[Array | None, Array | None]:
+    def _about(self, weights: Array, stages: list[_Stage]) -> tuple[Array, Array]:
         """About what a and v of the next stage are."""
-        if not self._knows:
-            return None, None
         pairs = list(zip(weights, stages, strict=False))
         return sum(w * one.a for w, one in pairs), sum(w * one.move.v for w, one in pairs)
-
-    @property
-    def _knows(self) -> bool:
-        """Whether solutions near are used: on meshes of a few large cells."""
-        return self.space.order >= CELLWISE
 
     def _flow(self, t: float, x: Array, a: Array, carried: Array, about: Array | None) -> Move:
         corners = a[self.space.cells]
@@ -231,8 +223,8 @@ class FemImex:
         if not (outcome := orientation(self.space, old.t + dt, x)).ok:
             return old, outcome
         matrices = TransportMatrices(self.space, x)
-        about = stages[-1].a if self._knows else None  # at the new time, if not of the whole order
-        a, outcome = self._solver.solve(matrices.mass, content, 0.0, self._anchor, about)
+        # the last stage's a is at the new time, if not of the whole order
+        a, outcome = self._solver.solve(matrices.mass, content, 0.0, self._anchor, stages[-1].a)
         a, content = matrices.kept(a, content.sum())
         before = old.content.sum()
         gained = dt * sum(w * stage.gain for w, stage in zip(pair.b, stages, strict=True))

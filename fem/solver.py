@@ -194,7 +194,11 @@ class FemP1Paper(Polygonal[FemState]):
 
     def step(self, state: FemState, dt: float) -> tuple[FemState, Outcome]:
         """One step of (B.23); every matrix is assembled on the configuration the equation names."""
-        move = self._near(state.anchor).advance(state.t, dt, state.x, self.corners(state))
+        mechanics, corners = self._near(state.anchor), self.corners(state)
+        if isinstance(mechanics, ForceBalance):
+            move = mechanics.advance(state.t, dt, state.x, corners, state.v)
+        else:
+            move = mechanics.advance(state.t, dt, state.x, corners)
         new = FemState(
             state.t + dt, move.x, state.a, move.v, 0.0, move.net_force, move.net_torque, mass=state.mass
         )

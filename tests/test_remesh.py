@@ -168,7 +168,7 @@ class Twist:
     def carried(self, u0):
         return NOTHING
 
-    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING, about=None) -> Move:
         return Move(x, SPIN * (1 - (x**2).sum(axis=0)) * np.array([-x[1], x[0]]))
 
 

@@ -29,9 +29,6 @@ of P4.
 ACCURACY = 1e-13
 """Relative residual at which an iteration stops."""
 
-ENOUGH = 1e-12
-"""The same where a solution near is known, and a second iteration is not made."""
-
 POLISH = 1e-2
 """Of what is left then, the part that a second iteration leaves: round-off, as of a factorisation."""
 
@@ -212,7 +209,7 @@ def _iterated(
         return None
     solution, residual = (start, rhs - matrix @ start) if start is not None else (np.zeros_like(rhs), rhs)
     # from zero a second iteration leaves round-off, as of a factorisation
-    for goal in (ACCURACY * scale, None) if start is None else (ENOUGH * scale,):
+    for goal in (ACCURACY * scale, None) if start is None else (ACCURACY * scale,):
         if goal is not None and sqrt(residual @ residual) <= goal:
             continue
         correction = _conjugate_gradients(matrix, residual, near, goal)
