@@ -330,3 +330,14 @@ def test_one_code_without_theory_knows_nothing(tmp_path, capsys):
     assert page.attributes("h1", "class") == ["unsure"]
     again = write_comparison_page(tmp_path / FILE_NAME)  # from the files alone
     assert again == tmp_path / "index.html"
+
+
+def test_a_scene_that_must_end_is_green_where_both_codes_end_there(tmp_path, capsys):
+    said, page = compared(tmp_path, capsys, "fig18-nonuniform-contraction-viscoelastic", refine=3)
+    assert said.startswith(
+        "4 of 4 claims hold; report: "
+    )  # two ends, two balances; nothing is compared at no time
+    assert page.attributes("h1", "class") == ["pass"]
+    badges = [one or "" for one in page.attributes("span", "class") if one and "badge" in one]
+    assert not [one for one in badges if "fail" in one]
+    assert page.text.count("singular_dilation") >= 4  # claims and runs

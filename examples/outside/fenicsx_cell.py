@@ -78,8 +78,7 @@ def main(layers: int, dt: float, path: str) -> None:
     transport = fem.form((1 + step) * b * q * dx + step * D * inner(grad(b), grad(q)) * dx)
     before, one = fem.form((a + step) * q * dx), fem.Constant(cell, 1.0)
     measured = [fem.form(form * dx(domain=cell)) for form in (one, a, x[0], x[1])]
-    nodes = cell.geometry.x.copy()
-    corners = fem.Function(space)  # which node of the geometry has which number
+    nodes, corners = cell.geometry.x.copy(), fem.Function(space)  # which node has which number
     corners.interpolate(lambda x: x[:2])
     number = np.array([np.argmin(np.hypot(*(nodes[:, :2] - at).T)) for at in corners.x.array.reshape(-1, 2)])
 
