@@ -202,7 +202,9 @@ class ForceBalance:
         if model.closure is Closure.IRROTATIONAL_WALL:
             rim_load -= one * np.einsum("aibje,jbe->aie", rim.friction(), u[:, space.on_rim.cells])
         load += space.rim_vectors.vector(rim_load)
-        return _System(self, x, moduli, load, dilation.min(axis=0))
+        least = dilation.min(axis=0)
+        least[space.rim_cells] = np.minimum(least[space.rim_cells], rim_dilation.min(axis=0))
+        return _System(self, x, moduli, load, least)
 
     def matrix(self, x: Array, moduli: tuple[float, float]) -> sp.csr_matrix:
         """The matrix (2 N, 2 N) of first eps(v) : eps(w) + second (div v)(div w), and the wall's friction."""

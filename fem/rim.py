@@ -33,7 +33,7 @@ from fem.boundary import rim_directions
 from fem.space import Space
 
 DEPTH, DEGREE = 0.1, 8
-"""Length inwards, at most, and degree of what stands for an initial displacement to be differentiated."""
+"""Most that an initial displacement is followed inwards, as far as an edge is long, and by what degree."""
 
 
 class FreeRim:
@@ -66,8 +66,8 @@ class FreeRim:
             legvander(2 * inwards - 1, DEGREE).T,
             [2 * Legendre.basis(n).deriv()(-1.0) for n in range(DEGREE + 1)],
         )
-        depth = min(DEPTH, 1 - self.model.parameters.l0)
-        places = self.points[..., None] - depth * inwards * self.normals[..., None]
+        depth = np.minimum(np.hypot(*self.along_at_rest), min(DEPTH, 1 - self.model.parameters.l0))
+        places = self.points[..., None] - depth[..., None] * inwards * self.normals[..., None]
         u = u0(places.reshape(2, -1)).reshape(places.shape)
         start: Array = self.normals - u @ slope / depth
         return start

@@ -28,7 +28,7 @@ from actin_xcheck.core.motion import Anchor
 from fv import krylov
 from fv.boundary import Ties, settle
 from fv.mesh import Faces
-from fv.rim import FreeRim
+from fv.rim import RimFaces
 from fv.stress import Assembly, Diamonds, Moduli, divergence, normal_derivative, traction
 from fv.system import System
 
@@ -78,7 +78,7 @@ class FvForceBalance:
         first, second = faces.cells[:, faces.interior]
         self.ring = faces.interior[self.delta[first] != self.delta[second]]
         self._anchor, self._guess = Anchor(mesh.xi), np.zeros(2 * self.ties.places)
-        self.free_rim = FreeRim(model, faces, self.ties.on_rim) if model.rim_sees_dilation else None
+        self.free_rim = RimFaces(model, faces, self.ties.on_rim) if model.rim_sees_dilation else None
 
     def start(self, x: Array) -> Array:
         """Initial positions (2, N), with the rim where the closure wants it."""

@@ -22,7 +22,7 @@ STEP = 1e-4
 """Of the difference that finds an initial displacement's slope, of second order and from inside."""
 
 
-class FreeRim:
+class RimFaces:
     """F N on the rim's faces, (2, n_rim).
 
     Parameters

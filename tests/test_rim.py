@@ -3,24 +3,27 @@
 The truth is P8, whose trace of grad u, an order lower, is good to 1e-10.
 """
 
+import re
 from functools import cache
 
 import numpy as np
 import pytest
 
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Model
-from actin_xcheck.core.parameters import Closure, Parameters
+from actin_xcheck.core.parameters import Closure, Delta, Parameters
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from fem.fields import locate
+from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.rim import FreeRim
 from fem.space import Space
 from fv.boundary import Ties
 from fv.mesh import Faces
-from fv.rim import FreeRim as RimOfFaces
+from fv.rim import RimFaces
 from tests.lab import after, local_orders, scene_of
 
 STEPS = 8
@@ -124,10 +127,37 @@ def test_an_initial_displacement_is_differentiated_and_not_traced():
     rim = FreeRim(model, Space.on(mesh, 2, 0.8))
     assert np.abs(rim.start(displaced) - rim.normals - slope_of(rim.normals, rim.points)).max() < 1e-10
     faces = Faces.of(mesh)
-    of_faces = RimOfFaces(model, faces, Ties(model.closure, faces).on_rim)
+    of_faces = RimFaces(model, faces, Ties(model.closure, faces).on_rim)
     middle = mesh.xi[:, faces.nodes[:, of_faces.faces]].mean(axis=1)
     off = of_faces.start(displaced) - of_faces.normals - slope_of(of_faces.normals, middle)
     assert np.abs(off).max() < 1e-7
+
+
+def test_short_waves_of_an_initial_displacement_are_seen_on_fine_meshes():
+    def waves(x):
+        return 0.01 * np.array([np.sin(60 * x[0]), np.cos(60 * x[1])])
+
+    def off(refine):
+        rim = FreeRim(Model(Parameters(2.0, 6.0)), Space.on(disk(refine, 0.8), 2, 0.8))
+        x, n = rim.points, rim.normals
+        slope = 0.6 * np.array([np.cos(60 * x[0]) * n[0], -np.sin(60 * x[1]) * n[1]])
+        return np.abs(rim.start(waves) - n - slope).max()
+
+    assert off(5) < off(3) / 100
+
+
+def test_a_rim_on_which_the_pressure_is_singular_ends_the_run():
+    """A membrane that pushes inwards: cells behind it are far from singular yet."""
+    model = Model(Parameters(2.0, -10.0), delta=Delta.MEMBRANE)
+    mesh = disk(3, 0.8)
+    balance = ForceBalance(model, mesh, 2)
+    carried = balance.carried(np.zeros_like)
+    a = np.ones(balance.space.cells.shape)
+    assert balance.flow(0.0, balance.space.xi, a, carried).outcome.ok
+    outcome = balance.flow(0.0, balance.space.xi, a, carried / 2.2).outcome
+    assert outcome.ending is Ending.SINGULAR_DILATION
+    where = re.search(r"started at \(([^,]+), ([^)]+)\)", outcome.message)
+    assert np.hypot(*map(float, where.groups())) > 0.85
 
 
 def test_at_rest_nothing_is_stretched():

@@ -285,14 +285,14 @@ OF_VOLUMES = (
         "fv-rim-not-carried",
         "The deformation gradient across the rim stays what it was at the start, in the finite volumes.",
         "fv",
-        "fv.rim:FreeRim.rate",
+        "fv.rim:RimFaces.rate",
         nothing,
     ),
     Fault(
         "fv-rim-traction-dropped",
         "Finite volumes stretch across the rim as if no traction acted on its faces.",
         "fv",
-        "fv.rim:FreeRim.rate",
+        "fv.rim:RimFaces.rate",
         _without_traction,
     ),
     Fault(
