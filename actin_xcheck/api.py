@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import make_folder, report_folder
 from actin_xcheck.runs import run as runs
+from actin_xcheck.runs.accuracy import deliver
 from actin_xcheck.runs.executor import executor, jobs_asked
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import find_methods
@@ -51,6 +52,7 @@ def run(
     refine: int | None = None,
     dt: float | None = None,
     rtol: float | None = None,
+    accuracy: float | None = None,
     fidelity: str = Fidelity.AUTO,
     out: str | Path | None = None,
 ) -> Run:
@@ -63,16 +65,20 @@ def run(
     refine, dt : the mesh has 2**refine layers, steps are of at most dt; else as published, else 5 and 100
         steps.
     rtol : largest local error of a step, for an adaptive method.
+    accuracy : largest error of area, total actin and probes; method "fem" then chooses mesh and steps.
     fidelity : how much of the model is solved, a name out of `Fidelity`.
     out : a `.vtkhdf` to keep, replaced where it exists; without one nothing is kept on disk.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
-    numerics = Wanted(method, refine, dt, rtol, _fidelity(fidelity)).on(scene)
+    asked = Wanted(method, refine, dt, rtol, _fidelity(fidelity), accuracy=accuracy)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.vtkhdf" if out is None else Path(out)
         make_folder(path.parent)
-        runs.run(scene, numerics, path, "actin_xcheck.run")
+        if accuracy is None:
+            runs.run(scene, asked.on(scene), path, "actin_xcheck.run")
+        else:
+            deliver(scene, accuracy, path, "actin_xcheck.run", wanted=asked.fidelity)
         return read_run(path)
 
 
@@ -123,6 +129,7 @@ def sweep(
     refine: int | None = None,
     dt: float | None = None,
     rtol: float | None = None,
+    accuracy: float | None = None,
     fidelity: str = Fidelity.AUTO,
 ) -> SweepTable:
     """Run a scene over ranges, or many scenes, as the command `sweep` does, and return the table.
@@ -134,7 +141,7 @@ def sweep(
     out : folder of the runs; what is there already is not run again.
     jobs : processes on this machine; else as many as it has cores; not with `scheduler`.
     scheduler : address of a `dask.distributed` scheduler, in place of `jobs`.
-    refine, dt, rtol, fidelity : as for `run`.
+    refine, dt, rtol, accuracy, fidelity : as for `run`.
 
     Returns
     -------
@@ -142,7 +149,7 @@ def sweep(
     """
     processes = jobs_asked(jobs, scheduler)
     names = [methods] if isinstance(methods, str) else list(methods)
-    asked = Wanted(names[0], refine, dt, rtol, _fidelity(fidelity))
+    asked = Wanted(names[0], refine, dt, rtol, _fidelity(fidelity), accuracy=accuracy)
     made_by = "actin_xcheck.sweep"
     runs, folder = sweeping.runs_of(Path(file), names, asked, made_by), make_folder(Path(out))
     table, _ = sweeping.carry_out(

@@ -15,6 +15,7 @@ import actin_xcheck
 from actin_xcheck.cli.output import SweepAnswer
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Fidelity
+from actin_xcheck.runs import accuracy as accuracies
 from actin_xcheck.runs import executor as executors
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.numerics import Wanted
@@ -128,6 +129,8 @@ def test_a_key_is_that_of_scene_method_numerics_and_code_alone(monkeypatch) -> N
                 Wanted("fem-p1-paper", dt=0.1),
                 Wanted("fem-p1-paper", rtol=1e-3),
                 Wanted("fem-p1-paper", fidelity=Fidelity.FULL),
+                Wanted("fem", accuracy=1e-2),
+                Wanted("fem", accuracy=1e-3),
             )
         ),
     ]
@@ -313,3 +316,44 @@ def test_a_scheduler_without_workers_and_one_that_goes_are_one_line(tmp_path: Pa
     kept = read_table(tmp_path / "out")
     assert len(kept) >= 3
     assert set(kept["outcome"]) == {"completed"}
+
+
+def test_every_run_of_a_sweep_is_as_accurate_as_asked_and_says_so(tmp_path: Path) -> None:
+    path = sweep_file(tmp_path, SMALL.replace("count = 3", "count = 2"))
+    asked = {"out": tmp_path / "out", "jobs": 1, "accuracy": 1e-3}
+    table = actin_xcheck.sweep(path, "fem", **asked)
+    assert set(table["outcome"]) == {"completed"}
+    assert set(table["method"]) == {"fem"}
+    assert (table["accuracy"] == 1e-3).all()
+    assert (table["error_estimate"] <= 1e-3).all()
+    run = actin_xcheck.load(table.folder / table["file"][0])
+    assert run.attributes["error_estimate"] == table["error_estimate"][0]
+    assert actin_xcheck.sweep(path, "fem", **asked)["file"].tolist() == table["file"].tolist()
+    assert set(starts(tmp_path / "out").values()) == {1}
+
+
+def test_an_accuracy_out_of_reach_is_a_row_that_says_so_with_what_was_reached(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(accuracies, "LEVELS_ON_A_RAY", accuracies.LEVELS_ON_A_RAY[:2])
+    monkeypatch.setattr(accuracies, "LEVELS", accuracies.LEVELS[:2])
+    text = load_scene("fig14-four-fronts").text
+    asked = SweepRun(text, "here", Wanted("fem", accuracy=1e-5))
+    found = sweeping.work(asked, tmp_path)
+    assert found.outcome == sweeping.ERROR
+    assert "out of reach" in found.message
+    assert 1e-5 < dict(found.numbers)["error_estimate"] < 1e-2
+    assert sweeping.work(asked, tmp_path) == found
+
+
+@pytest.mark.parametrize(
+    ("methods", "options", "said"),
+    [
+        ("fv", {}, "not with --method fv; valid: --method fem"),
+        (["fem", "fv"], {}, "not with --method fv; valid: --method fem alone"),
+        ("fem", {"refine": 3}, "chooses --refine itself"),
+        ("fem", {"accuracy": 2.0}, "2 is no error"),
+    ],
+)
+def test_a_mistake_beside_an_accuracy_is_one_line(methods, options, said, tmp_path: Path) -> None:
+    path = sweep_file(tmp_path, SMALL)
+    with pytest.raises(UserError, match=said):
+        actin_xcheck.sweep(path, methods, out=tmp_path / "out", **{"accuracy": 1e-3, **options})

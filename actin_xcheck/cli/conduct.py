@@ -248,6 +248,9 @@ Refine = Annotated[
     int | None, typer.Option(help="The mesh has 2**REFINE layers (5: 2113 nodes).", min=1, max=10)
 ]
 Dt = Annotated[float | None, typer.Option(help="Largest time step.")]
+Accuracy = Annotated[
+    float | None, typer.Option(help="Largest error of area, actin and probes; chooses mesh and steps.")
+]
 Rtol = Annotated[
     float | None, typer.Option(help="Let adaptive methods choose steps with this local error.", min=1e-13)
 ]

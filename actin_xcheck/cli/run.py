@@ -1,6 +1,7 @@
 """`run`: one scene by one method, stored; `render` and `export`: a stored run as pictures and elsewhere."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -56,7 +57,7 @@ MethodWord = Annotated[
 OutFile = Annotated[
     Path | None, typer.Option("--out", help="The .vtkhdf file to write; default: SCENE--METHOD.vtkhdf.")
 ]
-Accuracy = Annotated[
+RunAccuracy = Annotated[
     float | None,
     typer.Option(
         help="Largest error of area, actin and probes; chooses mesh and steps.  Without --method 1e-3."
@@ -84,7 +85,7 @@ def run_command(
     refine: Refine = None,
     dt: Dt = None,
     rtol: Rtol = None,
-    accuracy: Accuracy = None,
+    accuracy: RunAccuracy = None,
     fidelity: HowMuch = Fidelity.AUTO,
     mesh_file: MeshFile = None,
     remesh: Remesh = False,
@@ -109,8 +110,9 @@ def run_command(
     if method is None:
         _check_alone(refine, dt, rtol, mesh_file, remesh, resume)
         method, accuracy = "fem", accuracy or DEFAULT_ACCURACY
-    if accuracy is not None:
-        _check_accuracy(accuracy, method, refine, dt, rtol, resume)
+    if accuracy is not None and resume:
+        raise UserError("--resume: not with --accuracy, which chooses its runs anew; valid: --force instead")
+    asked = Wanted(method, refine, dt, rtol, fidelity, remesh=remesh, accuracy=accuracy)
     out_file = out_file or Path(f"{loaded.name}--{method}.vtkhdf")
     if not dry_run:
         _check_out(out_file, force, resume)
@@ -118,13 +120,12 @@ def run_command(
     if remesh:
         _check_remesh(loaded, method, fidelity, mesh_file)
     if dry_run:
-        _say_what_it_takes(loaded, Wanted(method, refine, dt, rtol, fidelity, mesh, remesh), accuracy, json)
+        _say_what_it_takes(loaded, replace(asked, mesh=mesh), json)
     make_folder(out_file.parent)
     warn_of(loaded)
     if accuracy is not None:
         _deliver(loaded, accuracy, out_file, quiet, fidelity, json)
-    numerics = Wanted(method, refine, dt, rtol, fidelity, mesh, remesh).on(loaded)
-    _run(loaded, numerics, out_file, resume, quiet, json)
+    _run(loaded, replace(asked, mesh=mesh).on(loaded), out_file, resume, quiet, json)
 
 
 def _run(
@@ -160,28 +161,20 @@ def _run(
     raise typer.Exit(0 if outcome.ok else 1)
 
 
-def _say_what_it_takes(scene: "Scene", wanted: "Wanted", accuracy: float | None, json: bool) -> NoReturn:
+def _say_what_it_takes(scene: "Scene", wanted: "Wanted", json: bool) -> NoReturn:
     """Say what a run takes and run nothing; of an accuracy, what its first two levels take."""
-    from dataclasses import replace
-
     from actin_xcheck.cli.conduct import lasting
     from actin_xcheck.cli.output import CostAnswer, say
     from actin_xcheck.runs.accuracy import first_two
     from actin_xcheck.runs.numerics import run_seconds
 
-    levels = [wanted]
-    if accuracy is not None:
-        levels = [
-            replace(wanted, method=one.method.name, refine=one.refine, dt=scene.time.end, rtol=accuracy)
-            for one in first_two(accuracy)
-        ]
-    every = [one.on(scene) for one in levels]
+    every = [wanted.on(scene)] if wanted.accuracy is None else first_two(scene, wanted)
     seconds = sum(run_seconds(one, scene.output_times) for one in every)
     if json:
         say(CostAnswer(command="run", tasks=len(every), seconds=seconds))
     else:
         said = " and ".join(f"{one.method.name}, {one.words}" for one in every)
-        more = " at least" if accuracy is not None else ""
+        more = " at least" if wanted.accuracy is not None else ""
         print(f"{scene.name}: {said}: about {lasting(seconds)}{more}; nothing was run")
     raise typer.Exit(0)
 
@@ -266,20 +259,6 @@ def _check_remesh(scene: "Scene", method: str, fidelity: Fidelity, mesh_file: Pa
         raise UserError("--remesh: not with --mesh; valid: the disk")
     if fidelity not in (Fidelity.AUTO, Fidelity.FULL):
         raise UserError(f"--remesh: the whole cell is solved, not --fidelity {fidelity}; valid: auto, full")
-
-
-def _check_accuracy(
-    accuracy: float, method: str, refine: int | None, dt: float | None, rtol: float | None, resume: bool
-) -> None:
-    if resume:
-        raise UserError("--resume: not with --accuracy, which chooses its runs anew; valid: --force instead")
-    if not 0 < accuracy < 1:
-        raise UserError(f"--accuracy: {accuracy:g} is no error; valid: a number between 0 and 1")
-    if method != "fem":
-        raise UserError(f"--accuracy: not with --method {method}; valid: --method fem, which then chooses")
-    chosen = {"--refine": refine, "--dt": dt, "--rtol": rtol}
-    if given := [name for name, value in chosen.items() if value is not None]:
-        raise UserError(f"--accuracy: chooses {', '.join(given)} itself; valid: without")
 
 
 def _say(reduction: "Reduction") -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from actin_xcheck.cli.conduct import (
+    Accuracy,
     Dt,
     Force,
     Json,
@@ -328,6 +329,7 @@ def sweep_command(
     refine: Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers.", min=1, max=10)] = None,
     dt: Annotated[float | None, typer.Option(help="Largest time step.", min=1e-12)] = None,
     rtol: Rtol = None,
+    accuracy: Accuracy = None,
     fidelity: Annotated[
         Fidelity, typer.Option(help="How much of the model is solved; auto: what each scene needs.")
     ] = Fidelity.AUTO,
@@ -350,7 +352,7 @@ def sweep_command(
     from actin_xcheck.studies.sweep import carry_out, runs_of
 
     processes = jobs_asked(jobs, scheduler)
-    asked = Wanted(method[0], refine, dt, rtol, fidelity)
+    asked = Wanted(method[0], refine, dt, rtol, fidelity, accuracy=accuracy)
     folder = report_folder(out_dir, "sweep")
     runs = runs_of(file, method, asked, command())
     make_folder(folder)

@@ -20,7 +20,7 @@ from actin_xcheck.core.errors import Outcome, UserError
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.march import Progress
 from actin_xcheck.runs.method import METHODS, Method
-from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.numerics import Numerics, Wanted
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, annotate, read_run
 from actin_xcheck.scene.scene import Scene
@@ -114,6 +114,10 @@ class Delivered:
     changes: tuple[float, ...]
 
 
+class OutOfReach(UserError):
+    """No level is as accurate as asked."""
+
+
 def deliver(
     scene: Scene,
     accuracy: float,
@@ -133,7 +137,7 @@ def deliver(
     progress : told of each level's run.
     wanted : how much of the model is solved.
 
-    Raises UserError where the finest level does not reach it; the file then holds that level.
+    Raises OutOfReach where the finest level does not reach it; the file then holds that level.
     """
     reduction = reduced(scene, LEVELS[-1].method, wanted, SMALL * accuracy)
     levels = LEVELS_ON_A_RAY if reduction.fidelity is Fidelity.RADIAL else LEVELS
@@ -151,7 +155,7 @@ def deliver(
         annotate(beside, {"accuracy": accuracy, "error_estimate": reached.estimate})
         os.replace(beside, path)
     if reached.outcome.ok and not reached.estimate <= accuracy:
-        raise UserError(
+        raise OutOfReach(
             f"--accuracy: {accuracy:g} is out of reach; "
             f"valid: {reached.estimate:.1e} or more, as {path} holds"
         )
@@ -242,10 +246,15 @@ class _Climb:
         return SMALL * self.accuracy if self.reduction.fidelity is Fidelity.MODAL else 0.0
 
 
-def first_two(accuracy: float) -> tuple[AccuracyLevel, ...]:
-    """The levels that a run to an accuracy begins with, but on a ray."""
-    first = _first_of(LEVELS, accuracy)
-    return LEVELS[first : first + 2]
+def first_two(scene: Scene, wanted: Wanted) -> list[Numerics]:
+    """How the first two levels of the accuracy that is wanted are run: all, where a scene is smooth."""
+    assert wanted.accuracy is not None
+    first = _first_of(LEVELS, wanted.accuracy)
+    level = replace(wanted, dt=scene.time.end, rtol=wanted.accuracy, accuracy=None)
+    return [
+        replace(level, method=one.method.name, refine=one.refine).on(scene)
+        for one in LEVELS[first : first + 2]
+    ]
 
 
 def _first_of(levels: Sequence[AccuracyLevel], accuracy: float) -> int:

@@ -18,6 +18,9 @@ DEFAULT_REFINE = 5
 
 DEFAULT_STEPS = 100
 
+CHOSEN = "fem"
+"""In place of a method's name: whichever of the elements' reaches an accuracy."""
+
 MOST_STEPS = 1e7
 """A run of more would not end."""
 
@@ -77,6 +80,8 @@ class Wanted:
     ----------
     method : its name.
     fidelity : how much of the model is solved; auto is the smallest model that is exact for the scene.
+    accuracy : largest error of area, total actin and probes, for `accuracy.deliver`, which chooses the rest
+        among the elements: the method is "fem" then.  UserError where it is no error, or more is chosen.
     """
 
     method: str
@@ -86,6 +91,20 @@ class Wanted:
     fidelity: Fidelity = Fidelity.AUTO
     mesh: Mesh | None = None
     remesh: bool = False
+    accuracy: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.accuracy is None:
+            return
+        if not 0 < self.accuracy < 1:
+            raise UserError(f"--accuracy: {self.accuracy:g} is no error; valid: a number between 0 and 1")
+        if self.method != CHOSEN:
+            raise UserError(
+                f"--accuracy: not with --method {self.method}; valid: --method {CHOSEN}, which then chooses"
+            )
+        chosen = {"--refine": self.refine, "--dt": self.dt, "--rtol": self.rtol}
+        if given := [name for name, value in chosen.items() if value is not None]:
+            raise UserError(f"--accuracy: chooses {', '.join(given)} itself; valid: without")
 
     def on(self, scene: Scene) -> Numerics:
         """Return the numerics for a scene: as asked, else as published, else 2113 nodes and 100 steps.

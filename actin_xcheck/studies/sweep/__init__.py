@@ -7,6 +7,7 @@ import json
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from actin_xcheck.core.errors import Ending, UserError, brief
 from actin_xcheck.core.files import replace_file
+from actin_xcheck.runs.accuracy import OutOfReach, deliver, first_two
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Wanted, run_seconds
@@ -54,7 +56,8 @@ class SweepRun:
     @property
     def key(self) -> str:
         """The hash of scene, method and version."""
-        method = asdict(find_method(self.numerics.method))
+        chosen = self.numerics.accuracy is not None
+        method = self.numerics.method if chosen else asdict(find_method(self.numerics.method))
         said = json.dumps([self.text, method, asdict(self.numerics), code()], sort_keys=True)
         return hashlib.sha256(said.encode()).hexdigest()[:24]
 
@@ -66,8 +69,9 @@ class SweepRun:
     @property
     def task(self) -> Task:
         """What makes it; UserError where the scene is none, or cannot be run like this."""
-        scene = parse_scene(self.text, self.origin)
-        seconds = run_seconds(self.numerics.on(scene), scene.output_times)
+        scene, asked = parse_scene(self.text, self.origin), self.numerics
+        every = [asked.on(scene)] if asked.accuracy is None else first_two(scene, asked)
+        seconds = sum(run_seconds(one, scene.output_times) for one in every)
         return Task(work, self, seconds, (self.file,), lost)
 
 
@@ -100,10 +104,14 @@ def lost(asked: SweepRun, lost: Lost) -> SweepRan:
 
 
 def _run(asked: SweepRun, path: Path) -> None:
-    scene = parse_scene(asked.text, asked.origin)
-    numerics = asked.numerics.on(scene)
+    scene, wanted = parse_scene(asked.text, asked.origin), asked.numerics
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)  # what is there is not whole
+    if wanted.accuracy is not None:
+        with suppress(OutOfReach):  # its file says so
+            deliver(scene, wanted.accuracy, path, asked.command, wanted=wanted.fidelity)
+        return
+    numerics = wanted.on(scene)
     for resume in (True, False):  # a lost worker's checkpoint is of use to a machine like its own only
         try:
             run(scene, numerics, path, asked.command, resume=resume)
@@ -137,7 +145,13 @@ def finished(path: Path) -> SweepRan | None:
             for name, values in series.items():
                 if name != "dt":  # the last step's: the asked one stands there
                     numbers |= _columns(name, values[-1])
-            return SweepRan(said["outcome"], said["message"], said["fidelity"], tuple(numbers.items()))
+            outcome, message = said["outcome"], said["message"]
+            if "accuracy" in said:
+                numbers |= {name: float(said[name]) for name in ("accuracy", "error_estimate")}
+                if outcome == Ending.COMPLETED and not numbers["error_estimate"] <= numbers["accuracy"]:
+                    outcome = ERROR
+                    message = f"the accuracy is out of reach: about {numbers['error_estimate']:.1e} is left"
+            return SweepRan(outcome, message, said["fidelity"], tuple(numbers.items()))
     except UserError:
         return None
 
@@ -165,7 +179,16 @@ Runs = Sequence[tuple[SweepPoint, SweepRun]]
 
 
 def runs_of(path: Path, methods: Sequence[str], asked: Wanted, command: str) -> Runs:
-    """Return the runs that a sweep's file asks for, each with every method; UserError for a mistake in it."""
+    """Return the runs that a sweep's file asks for, each with every method; UserError for a mistake in it.
+
+    Where an accuracy is asked for there is no other method than the one that chooses.
+    """
+    if asked.accuracy is not None:
+        if others := [name for name in methods if name != asked.method]:
+            raise UserError(
+                f"--accuracy: not with --method {', '.join(others)}; valid: --method {asked.method} alone"
+            )
+        return [(point, SweepRun(point.text, point.origin, asked, command)) for point in points_of(path)]
     known = [find_method(name) for name in dict.fromkeys(methods)]
     if asked.rtol is not None and not any(method.adaptive for method in known):
         adaptive = ", ".join(name for name, method in METHODS.items() if method.adaptive)
