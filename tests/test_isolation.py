@@ -78,6 +78,16 @@ def test_a_run_loads_its_solver_and_what_stores_it(method, other, tmp_path):
     packages = {name.split(".")[0] for name in loaded}
     assert not packages & {"jinja2", "distributed", "pyvista", "ruptures", "sympy"}
     assert other is None or not packages & {other, "fipy", "matplotlib"}
+    waited_for = {
+        "skfem",
+        "rich",
+        "meshio",
+        "scipy.spatial",
+        "scipy.optimize",
+        "scipy.sparse.linalg",
+        "fem.modal",
+    }
+    assert other is None or not set(loaded) & waited_for
     assert len(ours(loaded)) < 100
     studies = {name for name in loaded if name.startswith(("actin_xcheck.studies.", "actin_xcheck.verdicts"))}
     assert not studies
