@@ -170,7 +170,7 @@ def _panels(
     )
 
 
-STEPS = 65534
+STEPS = 4094
 """Steps between the ends of a packed range."""
 
 _STOPS = 33
@@ -185,7 +185,7 @@ class _Store:
 
     def keep(self, numbers: NDArray[np.integer[Any]]) -> int:
         """Return where an array of integers stands."""
-        wide = "<u4" if numbers.size and numbers.max() > STEPS + 1 else "<u2"
+        wide = "<u4" if numbers.size and numbers.max() > 65535 else "<u2"
         raw = np.ascontiguousarray(numbers, wide).tobytes()
         if raw not in self._known:
             self._known[raw] = len(self.arrays)

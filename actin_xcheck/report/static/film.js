@@ -1,7 +1,7 @@
 // The film of a scene: two runs and their difference on canvases, from what report/film.py packed.
 "use strict";
 {
-  const STEPS = 65534, INTERVAL = 900, WHOLE = 8000, LEVELS = 256, OUTLINE = "#8a8f98";
+  const STEPS = 4094, INTERVAL = 900, WHOLE = 8000, LEVELS = 256, OUTLINE = "#8a8f98";
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
   const short = value => String(Number(value.toPrecision(4))).replaceAll("-", "−");
   const close = (low, high) => high - low < 1e-2 * Math.abs(high) ? 9 : 4;
