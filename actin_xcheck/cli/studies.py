@@ -284,7 +284,7 @@ def random(
     """Draw scenes over everything that a scene can say, and see that the codes agree on each.
 
     Each is run by both codes, by smaller models that are exact for it, turned, reflected and in other units;
-    one that misses is made simpler as long as it misses, and left as a file.  Some 3 s a scene.
+    one that misses is made simpler as long as it misses, and left as a file.  Some 5 s a scene.
     """
     from actin_xcheck.studies.random_scenes import random_scenes, seed_of_today
 
