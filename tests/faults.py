@@ -34,8 +34,8 @@ def freeze_mesh(patch: pytest.MonkeyPatch) -> None:
     for mechanics in (ForceBalance, PrescribedMotion):
         advance = mechanics.advance
 
-        def frozen(self, t, dt, x, corners, advance=advance):
-            move = advance(self, t, dt, x, corners)
+        def frozen(self, t, dt, x, *arguments, advance=advance):
+            move = advance(self, t, dt, x, *arguments)
             return Move(x, move.v, move.outcome)
 
         patch.setattr(mechanics, "advance", frozen)

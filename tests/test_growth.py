@@ -159,7 +159,7 @@ def test_theory_gives_the_published_rates(name, rate):
 OWN_LEVELS = [(3, 20), (4, 20), (5, 20), (4, 10), (4, 40)]
 """Meshes and steps of volumes of second order in time, which take few."""
 
-OWN_LEVELS_OF_PAIRS = [(3, 40), (4, 40), (5, 40), (3, 80), (4, 80), (5, 80), (4, 160)]
+OWN_LEVELS_OF_PAIRS = [(3, 40), (4, 40), (5, 40), (6, 40), (3, 80), (4, 80), (5, 80), (4, 160)]
 
 
 def by_each(names):

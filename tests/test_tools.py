@@ -381,5 +381,5 @@ def test_every_answer_has_a_schema_that_names_its_command_and_explains_itself() 
         assert schema["description"]
         assert not schema["additionalProperties"]
         command = schema["properties"]["command"]
-        assert command.get("const") or command["enum"]
+        assert command.get("const") or command.get("enum") or name == "CostAnswer"  # of any command
     assert "no file before" in schemas()["SweepAnswer"]["properties"]["made"]["description"]

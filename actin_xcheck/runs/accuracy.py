@@ -83,7 +83,7 @@ LOOSEST, TIGHTEST, FINER = 3e-4, 1e-13, 0.1
 BERTH = 2.0
 """Times the change from one tolerance to the next: an error in time, which a finer mesh changes a little."""
 
-OF_A_STEP = 0.1
+OF_A_STEP = 1.0
 """Of a step's tolerance, the least error in time: steps differ from mesh to mesh, and changes may flatter."""
 
 COARSE, FINE = "coarse", "fine"
