@@ -17,14 +17,16 @@ class HandOver(Generic[S]):
 
     Parameters
     ----------
-    modal : carries the modes.
+    modal : carries the modes, and shows them on the mesh of the whole model.
+    later : solves that.
     whole : binds the solver of the whole model to a problem; it goes on from any of the modes' states.
     bound : largest error that the modes may make, see `Modal.neglected`.
     """
 
-    def __init__(self, modal: Modal, whole: Callable[[Problem], Solver[S]], bound: float) -> None:
-        self.modal, self.whole, self.bound = modal, whole, bound
-        self.later = whole(modal.problem)
+    def __init__(
+        self, modal: Modal, later: Solver[S], whole: Callable[[Problem], Solver[S]], bound: float
+    ) -> None:
+        self.modal, self.later, self.whole, self.bound = modal, later, whole, bound
 
     @property
     def mesh(self) -> Mesh:

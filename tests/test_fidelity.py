@@ -159,3 +159,15 @@ def test_the_command_says_what_it_left_out(command):
     done = command(run)
     assert done.returncode == 0
     assert "sector: left out" in done.stdout
+
+
+def test_modes_of_a_cell_whose_sectors_tile_another_mesh_are_shown_on_that(tmp_path):
+    """Three mirror lines: the sector's images are not the cells of the disk."""
+    scene, rates = load_scene("mode-31-wall-270"), []
+    for fidelity in (Fidelity.MODAL, Fidelity.SECTOR):
+        file = tmp_path / f"{fidelity}.vtkhdf"
+        assert run(scene, Numerics(P3, 2, 1.0, 1e-5, reduced(scene, P3, fidelity, 1e-5)), file).ok
+        amplitude = read_run(file).series["mode_amplitude"]
+        rates.append(np.log(amplitude[-1] / amplitude[0]) / scene.time.end)
+    assert rates[0] == pytest.approx(10.4783, rel=1e-3)
+    assert rates[1] == pytest.approx(rates[0], rel=2e-2)

@@ -308,7 +308,7 @@ def test_a_scheduler_without_workers_and_one_that_goes_are_one_line(tmp_path: Pa
     (tmp_path / "again").mkdir()
     with cluster(tmp_path / "again", 1) as (address, (scheduler, _)):
         sweep = started(tmp_path, SWEEP, *OPTIONS, "--scheduler", address)
-        wait_until(lambda: len(starts(tmp_path / "out")) >= 8, 120)
+        wait_until(lambda: len(starts(tmp_path / "out")) >= 20, 120)
         scheduler.kill()
         _, said = sweep.communicate(timeout=120)
     assert sweep.returncode == 2

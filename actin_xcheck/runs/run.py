@@ -81,8 +81,9 @@ def bind(scene: Scene, numerics: Numerics, perturbed: bool = True) -> Solver:
         return solver
     if reduction.fidelity is not Fidelity.MODAL:
         return spatial(problem)
-    modal = load(MODAL)(problem, whole, ANGULAR, MODAL_ELEMENTS, RAY_DEGREE)
-    solver = load(HAND_OVER)(modal, spatial, reduction.bound)
+    later = spatial(problem)
+    modal = load(MODAL)(problem, later.mesh, ANGULAR, MODAL_ELEMENTS, RAY_DEGREE)
+    solver = load(HAND_OVER)(modal, later, spatial, reduction.bound)
     return solver
 
 
