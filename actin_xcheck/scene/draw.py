@@ -15,6 +15,7 @@ import tomli_w
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Closure, Delta, DimensionalParameters, Parameters, Rheology
+from actin_xcheck.scene.resolve import mode_field
 from actin_xcheck.scene.scene import parse_scene
 
 Scene = dict[str, Any]
@@ -60,9 +61,11 @@ def written(scene: Scene) -> str:
 
 
 def _is_valid(scene: Scene) -> bool:
-    """Whether tables are those of a scene."""
+    """Whether tables are those of a scene, with a mode that its cell has."""
     try:
-        parse_scene(written(scene), "drawn")
+        parsed = parse_scene(written(scene), "drawn")
+        if parsed.mode is not None:
+            mode_field(parsed, *parsed.mode)
     except UserError:
         return False
     return True
@@ -243,6 +246,12 @@ def _dimensional(parameters: dict[str, float], length: float, rate: float) -> di
     }
 
 
+def until(scene: Scene, end: float) -> Scene:
+    """Return the scene as far as an earlier end."""
+    last = float(f"{end:.3g}")
+    return scene | {"time": {"end": last, "outputs": [last]}}
+
+
 def simpler(scene: Scene) -> Iterator[Scene]:
     """Return every valid scene that is one step simpler: a table or key left out, or a plainer value."""
     if "dimensional" in scene:
@@ -279,5 +288,4 @@ def _plainer(scene: Scene) -> Iterator[tuple[tuple[str, ...], str, Any]]:
     for kept in range(len(others)):
         yield ("initial",), "a", " + (".join([first, *others[:kept], *others[kept + 1 :]])
     yield ("probes",), "points", scene["probes"]["points"][:1]
-    end = float(f"{scene['time']['end'] / 2:.3g}")
-    yield (), "time", {"end": end, "outputs": [end]}
+    yield (), "time", until(scene, scene["time"]["end"] / 2)["time"]

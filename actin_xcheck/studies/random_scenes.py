@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
-from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.files import make_folder, replace_file
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, shares
@@ -243,17 +243,34 @@ def _shrink(
 
 def keep(asked: DrawnScene, folder: Path) -> CheckedScene:
     """Leave a scene as a file, and check it again there."""
+    checked = check(asked, folder)
     make_folder(folder / "scenes")
-    replace_file(folder / "scenes" / f"{asked.name}.toml", asked.scene.encode())
-    return check(asked, folder)
+    replace_file(folder / "scenes" / f"{asked.name}.toml", checked.scene.encode())
+    return checked
 
 
 def check(asked: DrawnScene, folder: Path) -> CheckedScene:
-    """Run a scene in every way that must agree, and say what does."""
-    scene = parse_scene(asked.scene, f"scenes/{asked.name}.toml")
+    """Run a scene in every way that must agree, and say what does.
+
+    One in which the model breaks down is ended half way there: how that ends is `extremes`'s question.
+    """
     with tempfile.TemporaryDirectory() as place, np.errstate(all="ignore"):
+        asked = replace(asked, scene=_lasting(asked.scene, Path(place)))
+        scene = parse_scene(asked.scene, f"scenes/{asked.name}.toml")
         claims = [*_codes(scene, asked.coarser, Path(place)), *_alike(scene, Path(place))]
     return CheckedScene(asked.name, asked.scene, tuple(claims))
+
+
+def _lasting(text: str, place: Path) -> str:
+    """A scene's text, as far as half the time at which the model breaks down."""
+    scene, path = parse_scene(text, "drawn"), place / "coarse.vtkhdf"
+    numerics = Numerics(find_method(METHODS[0]), COARSE, scene.time.end / STEPS, RTOL)
+    if (
+        scene.mode is not None
+        or run(scene, numerics, path, passing=True).ending is not Ending.SINGULAR_DILATION
+    ):
+        return text
+    return draw.written(draw.until(draw.read(text), read_run(path).series["time"][-1] / 2))
 
 
 def _codes(scene: Scene, coarser: int, place: Path) -> Iterator[Claim]:
