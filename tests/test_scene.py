@@ -246,7 +246,7 @@ MISTAKES = [
     (GOOD, "p = 0.5", "p = 0\na_sat = 0", "parameters.a_sat = 0: should be greater than 0"),
     (GOOD, "p = 0.5", "p = 0\nmu1 = 0", "parameters.mu1 = 0: should be greater than 0"),
     (GOOD, "p = 0.5", "p = 0\n[dimensional]\npsi = 0\np = 0", "dimensional = {'p': 0.0, 'psi': 0.0}: should"),
-    (GOOD, "[parameters]\npsi = 10\np = 0.5", "", "parameters = None: should be a table, one of"),
+    (GOOD, "[parameters]\npsi = 10\np = 0.5", "", "parameters = 'nothing': should be a table, one of"),
     (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nE = 0", "greater than 0, in dyn/cm^2"),
     (GOOD, "[parameters]\npsi = 10", "[dimensional]\npsi = 0\nL = '1'", "should be a valid number, in cm"),
     (GOOD, "[parameters]\npsi = 10", "[dimensional]\nL = 1", "[dimensional] is in psi (dyn/cm^2), p"),

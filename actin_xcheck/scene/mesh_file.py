@@ -79,7 +79,7 @@ def _read(path: Path) -> tuple[Array, Indices]:
         points, blocks = aside(PATIENCE, foreign_mesh, path)
     except (ValueError, LostError) as error:  # on rubbish some of its readers go round for ever
         raise UserError(
-            f"--mesh: {path}: meshio cannot read it ({error!s:.300}); valid: .msh, .vtu, .xdmf or another "
+            f"--mesh: {path}: meshio cannot read it ({error!s:.120}); valid: .msh, .vtu, .xdmf or another "
             "of its formats, by the suffix"
         ) from None
     return _planar(path, points), _triangles(path, blocks, points.shape[0])
@@ -300,7 +300,8 @@ def foreign_mesh(path: Path) -> tuple[Any, list[tuple[str, Any]]]:
             found = meshio.read(path)
         return np.asarray(found.points), [(one.type, np.asarray(one.data)) for one in found.cells]
     except (Exception, SystemExit) as error:  # its readers raise whatever they stumble over, or exit
-        reason = " ".join(said.getvalue().split()) if isinstance(error, SystemExit) else repr(error)
+        told = said.getvalue() if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
+        reason = " ".join(told.split())
     with suppress(Exception, SystemExit):
         import pyvista
 

@@ -91,7 +91,7 @@ class Scene(TomlTable):
         if self.parameters_table and self.dimensional:
             raise mistake("dimensional", self.dimensional.model_dump(exclude_unset=True), _ONE_TABLE)
         if not (self.parameters_table or self.dimensional):
-            raise mistake("parameters", None, _ONE_TABLE)
+            raise mistake("parameters", "nothing", _ONE_TABLE)
         return self
 
     @model_validator(mode="after")
