@@ -86,6 +86,7 @@ def test_a_page_has_only_blocks_that_are_tested(path):
         ("methods", [name for name in METHODS if name.startswith("fv")]),
         ("scene", [*tables_of(Scene), *tables_of(Expect), *tables_of(ReferenceValues)]),
         ("files", [*STORED, "compare.h5", *SERIES]),
+        ("questions", Ending),
         ("reports", [*Ending, *Verdict, "NOT JUDGED"]),
     ],
 )
