@@ -124,7 +124,7 @@ def test_steps_are_no_finer_than_the_accuracy_needs(tmp_path):
     lopsided = scene_of(
         "psi = 804.7\np = 0.575",
         a=f"1 + {waves}",
-        end=0.05,
+        end=0.02,
         more='[model]\nrheology = "viscous"\n[probes]\npoints = [[0, 0], [-0.3, 0.5], [0, 1]]',
     )
     reached = deliver(lopsided, 1e-3, tmp_path / "run.vtkhdf", "")

@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from actin_xcheck.core.errors import Ending
 from actin_xcheck.runs import march
 from actin_xcheck.runs.march import checked_step
 from actin_xcheck.runs.method import METHODS
@@ -122,7 +121,8 @@ def test_every_stage_conserves_actin_whatever_the_steps(method):
 
 @SLOW_ABOVE_P2
 def test_a_smaller_tolerance_gives_a_smaller_error(method):
-    order, truth = METHODS[method].order_dt, play(MOVING, method, 2, MOVING.time.end / 200).last
+    order = METHODS[method].order_dt
+    truth = play(MOVING, method, 2, MOVING.time.end / (200 if order < 4 else 60)).last
 
     def error(rtol):
         solver = bind(MOVING, Numerics(METHODS[method], 2, 1.0))
@@ -161,16 +161,6 @@ def test_probes_are_where_the_points_are(method):
     assert a == pytest.approx(
         1 + 0.3 * np.sin(points[0] + 2 * points[1]), abs=2e-3 if "p2" in method else 1e-5
     )
-
-
-def test_a_model_that_breaks_down_ends_with_its_own_outcome():
-    """psi = 7.8e3, viscoelastic: 1 + phi reaches 0; the controller follows it down and says so."""
-    scene = load_scene("fig18-nonuniform-contraction")
-    broken = scene_of("psi = 7.8e3\np = 0.026", a=str(scene.initial.a), end=0.05)
-    solver = bind(broken, Numerics(METHODS["fem-p2-imex3"], 3, 1.0))
-    film, outcome = film_of(solver, 1.0, broken.output_times, 1e-4, 3)
-    assert outcome.ending is Ending.SINGULAR_DILATION
-    assert 0.012 < film.last.t < 0.02
 
 
 def test_a_wrong_weight_is_seen(monkeypatch):

@@ -166,24 +166,6 @@ def test_iterations_stay_few_however_far_a_cell_deforms(name, steps, monkeypatch
     assert not factorised
 
 
-def test_a_step_depends_on_its_state_alone():
-    """Bit by bit: whatever a solver did before, and from positions of the anchor alone."""
-    scene = load_scene("fig18-nonuniform-contraction")
-    solver, fresh = (bind(scene, Numerics(find_method("fem-p1-paper"), 3, 6e-4)) for _ in range(2))
-    states = [solver.init()]
-    for _ in range(40):
-        states.append(solver.step(states[-1], 6e-4)[0])
-    renewed = next(n for n, state in enumerate(states) if state.anchor is not states[0].anchor)
-    start = renewed + 1
-    old = states[start]
-    assert old.anchor is states[renewed].anchor is not states[-1].anchor
-    resumed = replace(old, anchor=Anchor(old.anchor.x.copy()), mass=fresh._mass(old.x))
-    for expected in states[start + 1 :]:
-        resumed, _ = fresh.step(resumed, 6e-4)
-        assert np.array_equal(resumed.x, expected.x)
-        assert np.array_equal(resumed.a, expected.a)
-
-
 def test_change_of_shape_wears_an_anchor_out_and_motion_does_not():
     mesh = disk(4, L0)
     xi, cells = mesh.xi, mesh.triangles

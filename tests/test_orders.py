@@ -79,7 +79,7 @@ def steady_state_error(target, refine):
     return error_against(film, lambda place, xi: exact(place))
 
 
-@pytest.mark.parametrize("method", [FEM, FV])
+@pytest.mark.parametrize("method", [FEM, FV, "fv-order2"])
 def test_second_order_on_a_stretched_and_sheared_mesh(method):
     errors = [steady_state_error(method, refine) for refine in (3, 4, 5)]
     assert np.abs(local_orders(errors) - 2).max() < 0.15, errors

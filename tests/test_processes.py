@@ -93,11 +93,8 @@ ALIKE = dict.fromkeys(
 """Studies that are carried out as `compare` is: they are killed at night."""
 
 ENDS = [
-    *(
-        (command, number)
-        for command in COMMANDS
-        for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
-    ),
+    *((command, signal.SIGKILL) for command in COMMANDS),
+    *zip(COMMANDS, (signal.SIGTERM, signal.SIGHUP, signal.SIGTERM, signal.SIGHUP), strict=True),
     *(pytest.param(command, signal.SIGKILL, marks=pytest.mark.nightly) for command in ALIKE),
 ]
 

@@ -138,7 +138,8 @@ def adaptive_levels(method, refine, rtol, folder):
         ("fem-p2-imex3", 2, 1e-3),
         ("fem-p3-imex4", 2, 1e-3),
         ("fem-p1-imex2", 3, 1e-4),
-        pytest.param("fem-p3-imex4", 5, 1e-5, marks=SLOW),  # where errors in time are what is left
+        # where errors in time are what is left
+        pytest.param("fem-p3-imex4", 5, 1e-5, marks=[SLOW, pytest.mark.nightly]),
         pytest.param("fem-p4-imex4", 4, 1e-4, marks=[SLOW, pytest.mark.nightly]),
     ],
 )
