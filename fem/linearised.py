@@ -21,27 +21,13 @@ otherwise.
 """
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
-from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
+from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from fem.radial import Ray
-
-
-def slopes(model: Model, a: float = 1.0, dilation: float = 0.0) -> tuple[float, float]:
-    """df/da and df/dphi of the active stress by complex steps, exact to round-off; f' and -p_e at rest."""
-    delta, tiny = float(model.delta is Delta.FULL), 1e-30
-    beside: Any = a + 1j * tiny
-    dilated: Any = dilation + 1j * tiny
-    at: Any = a
-    of_a, of_dilation = (
-        model.active_stress(beside, at * 0 + dilation, delta),
-        model.active_stress(at, dilated, delta),
-    )
-    return float(of_a.imag / tiny), float(of_dilation.imag / tiny)
 
 
 class AngularMode:
@@ -109,7 +95,7 @@ class AngularMode:
     @cached_property
     def load(self) -> Array:
         """F (f' A - p_e phi(u)) - N(1, nu') u for (A, U, Z) at the nodes, (2 N, 3 N)."""
-        slope, stiffening = slopes(self.model)
+        slope, stiffening = self.model.slopes()
         of_f = -self._dilation.T * self._area
         of_f[self.ray.nodes.size - 1, -1] += 1.0
         of_u = -self._isotropic(self.model.elastic_moduli()) + stiffening * of_f @ self._dilation

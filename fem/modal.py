@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
 from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.mesh import Mesh
-from actin_xcheck.core.model import Array, Closure, Model, Rheology
+from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.core.observables import Measures
-from fem.linearised import AngularMode, slopes
+from fem.linearised import AngularMode
 from fem.radial import FrameMesh, Ray
 
 ComplexArray = NDArray[np.complex128]
@@ -135,7 +135,8 @@ class Modal:
         What is neglected at an instant, like a = 1/J for uniform stretch, is at most about `AT_ONCE` times
         the amplitude squared.  What it has fed into the modes, e(t), obeys e' = g e + c s, e(0) = left_out,
         with g the fastest growth that two of the modes together can excite, s the mean of |a - 1|^2 +
-        |grad u|^2 and c the rate of `_feeding`.  Full runs differ by a fourth to a hundredth of the estimate.
+        |grad u|^2 and c the rate of `Model.feeding`.  Full runs differ by a fourth to a hundredth of the
+        estimate.
         """
         return AT_ONCE * self.amplitude(state) ** 2 + state.fed
 
@@ -263,7 +264,7 @@ class Modal:
 
     @cached_property
     def _feed(self) -> float:
-        return _feeding(self.problem.model)
+        return self.problem.model.feeding()
 
     def _given(self) -> Array:
         """Initial a - 1, u_r and u_theta at the ray's nodes and all angles, (3, N, n_theta)."""
@@ -299,26 +300,6 @@ class Modal:
 
 AT_ONCE = 2.0
 """Neglected at an instant, per amplitude squared."""
-
-
-def _feeding(model: Model) -> float:
-    """Estimate the rate at which quadratic terms feed the modes, per amplitude squared.
-
-    Their stresses are the second derivatives of f and what geometry makes of first-order stresses, once in
-    the load and once in the viscosity; |phi| is at most twice the largest entry of grad u.
-    """
-    h = 1e-4
-    of_a, of_phi = slopes(model)
-    of_aa, of_a_phi = (
-        (plus - minus) / (2 * h)
-        for plus, minus in zip(slopes(model, 1 + h), slopes(model, 1 - h), strict=True)
-    )
-    of_phi_phi = (slopes(model, 1.0, h)[1] - slopes(model, 1.0, -h)[1]) / (2 * h)
-    one, nu_prime = model.elastic_moduli()
-    stress = abs(of_aa) / 2 + 2 * abs(of_a)
-    if model.rheology is Rheology.VISCOELASTIC:
-        stress += 2 * abs(of_a_phi) + 2 * abs(of_phi_phi) + 2 * (2 * abs(of_phi) + one + 2 * nu_prime)
-    return stress / model.parameters.mu + 2 * model.reaction_rate()
 
 
 def _analysed(given: Array, angular: int) -> ComplexArray:

@@ -18,7 +18,7 @@ from actin_xcheck.theory.eigenfields import eigenfield, growth_rate
 from actin_xcheck.theory.exact import DiskModes
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.linearised import AngularMode, slopes
+from fem.linearised import AngularMode
 from fem.modal import Modal
 from fem.radial import Radial, Ray
 from tests.lab import after, numbers_at
@@ -110,7 +110,7 @@ def test_a_wrong_gauge_is_seen():
 @pytest.mark.parametrize("rest", RESTS)
 def test_slopes_are_those_of_the_linear_theory(rest):
     model = at_rest(*rest)
-    of_a, of_dilation = slopes(model)
+    of_a, of_dilation = model.slopes()
     assert of_a == pytest.approx(active_slope(model), rel=1e-14)
     assert 1 + model.parameters.nu_prime + of_dilation == pytest.approx(stiffness(model), rel=1e-14)
 

@@ -96,6 +96,16 @@ def test_errors_that_change_sign_are_no_small_errors():
     assert uncertainty(values, 2, 4, True, 0)[0] > 1e-3
 
 
+def test_changes_that_go_up_and_down_confirm_no_order():
+    """A strongly contracted cell by volumes at refine 2, 3 and 4: four times smaller, the other way."""
+    values = [np.array([one]) for one in (2.2604, 2.2393, 2.3237)]
+    up_and_down, how, order = uncertainty(values, 2, 4, True, 0)
+    assert order == pytest.approx(2, abs=0.1)
+    assert "Fs = 3" in how
+    values[2] = 2 * values[1] - values[2]
+    assert up_and_down == pytest.approx(3 / 1.25 * uncertainty(values, 2, 4, True, 0)[0])
+
+
 def test_rounded_steps_that_grow_too_little_are_allowed_for():
     """Twice the step, not four times, where an output interval held two steps: the error doubled only."""
     found, *_ = uncertainty([np.array([3 + 1e-3]), np.array([3 + 2e-3])], 2, 2, True, 0)
@@ -392,3 +402,41 @@ def test_a_comparison_keeps_its_triangles_and_shows_them(carried):
     page = (whole.folder / "index.html").read_text(encoding="utf-8")
     assert page.count("all three agree") == 2 * len(of_triangles)  # as a claim and beside its picture
     assert page.count('figure class="exhibit intervals"') == len(of_triangles)
+
+
+def rate_error(scene, m, amplitude, folder):
+    """What a mode's fitted rate is off by and may be off by, in a run whose own errors are smaller."""
+    text = scene.text.replace("amplitude = 1e-6", f"amplitude = {amplitude}")
+    larger, method = parse_scene(text, "larger.toml"), METHODS["fem-p5-imex5"]
+    part = reduced(larger, method, Fidelity.SECTOR if m else Fidelity.RADIAL)
+    run(larger, Numerics(method, 3, larger.time.end / 64, 1e-8, part), folder / "mode.vtkhdf")
+    theory = known(larger, "growth_rate", 0.0)
+    assert theory is not None
+    levels = Levels(method, (read_run(folder / "mode.vtkhdf"),))
+    (value,), *_ = estimate(larger, levels, "growth_rate", larger.time.end)
+    return abs(value - theory.values[0]), theory.uncertainty
+
+
+def test_the_rate_of_an_exact_mode_is_linear_to_its_amplitude(tmp_path):
+    """Terms of second order feed an axisymmetric mode: its rate is off by its amplitude, and said to be."""
+    scene = load_scene("mode-0-cell")
+    errors, known_to = np.transpose([rate_error(scene, 0, size, tmp_path) for size in ("1e-4", "1e-3")])
+    assert np.all(errors < known_to)
+    assert np.all(errors > known_to / 100)
+    assert errors[1] / errors[0] == pytest.approx(10, rel=0.1)
+
+
+def test_what_linear_modes_leave_out_is_part_of_their_uncertainty(tmp_path):
+    """Of a disk on a static wall they miss the area by the square of an amplitude: no level shows that."""
+    text = scene_text("mode-11-wall").replace("amplitude = 1e-6", "amplitude = 1e-5")
+    scene, method, bound = parse_scene(text, "modes.toml"), METHODS["fem-p3-imex4"], 1e-7
+    modes = reduced(scene, method, Fidelity.MODAL, bound)
+    for refine in (3, 2):
+        numerics = Numerics(method, refine, scene.time.end / 16, 1e-4, modes)
+        run(scene, numerics, tmp_path / f"{refine}.vtkhdf", passing=True)
+    runs = tuple(read_run(tmp_path / f"{refine}.vtkhdf") for refine in (3, 2))
+    t = scene.output_times[-1]
+    (area,), blind, *_ = estimate(scene, Levels(method, runs), "area", t)
+    seeing = estimate(scene, Levels(method, runs, bound), "area", t)[1]
+    assert blind < abs(area - np.pi) < seeing
+    assert seeing - blind == pytest.approx(2 * bound * area, rel=1e-6)

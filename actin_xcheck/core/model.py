@@ -63,6 +63,34 @@ class Model:
         """f = sigma(a) + p(a): the isotropic stress whose gradient drives the network (B.4)."""
         return self.contractility(a) + self.pressure(a, phi, delta)
 
+    def slopes(self, a: float = 1.0, phi: float = 0.0) -> tuple[float, float]:
+        """df/da, df/dphi for constant delta by complex steps, exact to round-off: f', -p_e at rest."""
+        delta, tiny = float(self.delta is Delta.FULL), 1e-30
+        beside: Any = a + 1j * tiny
+        dilated: Any = phi + 1j * tiny
+        at: Any = a
+        of_a = self.active_stress(beside, at * 0 + phi, delta)
+        return float(of_a.imag / tiny), float(self.active_stress(at, dilated, delta).imag / tiny)
+
+    def feeding(self) -> float:
+        """Estimate the rate at which quadratic terms feed small modes of a = 1, u = 0, per amplitude squared.
+
+        Their stresses are the second derivatives of f and what geometry makes of first-order stresses, once
+        in the load and once in the viscosity; |phi| is at most twice the largest entry of grad u.
+        """
+        h = 1e-4
+        of_a, of_phi = self.slopes()
+        of_aa, of_a_phi = (
+            (plus - minus) / (2 * h)
+            for plus, minus in zip(self.slopes(1 + h), self.slopes(1 - h), strict=True)
+        )
+        of_phi_phi = (self.slopes(1.0, h)[1] - self.slopes(1.0, -h)[1]) / (2 * h)
+        one, nu_prime = self.elastic_moduli()
+        stress = abs(of_aa) / 2 + 2 * abs(of_a)
+        if self.rheology is Rheology.VISCOELASTIC:
+            stress += 2 * abs(of_a_phi) + 2 * abs(of_phi_phi) + 2 * (2 * abs(of_phi) + one + 2 * nu_prime)
+        return stress / self.parameters.mu + 2 * self.reaction_rate()
+
     @property
     def rim_sees_dilation(self) -> bool:
         """Whether the load on a free rim depends on the dilation there: p(a) of (2.5) does where u counts."""

@@ -1,6 +1,6 @@
 """Scenes that nobody chose, drawn by a seed: do the codes agree wherever a scene can lead?
 
-Each is run by finite elements and finite volumes on two and three meshes, by every smaller model that is
+Each is run by finite elements and finite volumes on three meshes, by every smaller model that is
 exact for it, and turned, reflected and in other units on a coarse mesh.  A scene that misses is made simpler
 as long as it still misses, and left as a file that `compare` takes.
 """
@@ -37,7 +37,7 @@ from actin_xcheck.verdicts.triangulate import Levels, triangulate
 METHODS = ("fem-p3-imex4", "fv")
 """One of each family; all that they share are the equations."""
 
-REFINE = {"fem": 2, "fv": 4}
+REFINE = {"fem": 3, "fv": 4}
 """Their finest meshes, beside coarser ones: where h errs by a thousandth, uncertainties say so."""
 
 COARSE = 2
@@ -306,7 +306,7 @@ def _levels(scene: Scene, method: Method, reduction: Reduction, coarser: int, pl
     for job in (finest, *companions_of(finest)):
         run(scene, job.numerics, place / job.file)
         runs.append(read_run(place / job.file))
-    return Levels(method, tuple(runs))
+    return Levels(method, tuple(runs), reduction.bound if reduction.fidelity is Fidelity.MODAL else 0.0)
 
 
 def _reductions(scene: Scene, method: Method) -> Iterator[Reduction]:

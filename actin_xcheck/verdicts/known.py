@@ -79,7 +79,21 @@ def _mode(scene: Scene) -> Known | None:
     if expected is None:
         return None
     rate = growth_rate(scene.physics, expected.m, expected.n)
-    return Known(rate_parts(rate, bool(rate.imag)), "exact mode", 0.0)
+    return Known(rate_parts(rate, bool(rate.imag)), "exact mode", _beyond_linear(scene, rate))
+
+
+def _beyond_linear(scene: Scene, rate: complex) -> float:
+    """Estimate what terms of higher order than linear change of a fitted rate; of an eigenmode it is known.
+
+    They multiply a mode by itself: that feeds the axisymmetric ones and those of twice its angular number.
+    What comes back to it is of second order in its amplitude where it is axisymmetric, else of third.
+    """
+    expected, start = scene.expect.growth_rate, scene.initial.eigenmode
+    assert expected is not None
+    if start is None:
+        return 0.0
+    largest = start.amplitude * np.exp(max(rate.real, 0.0) * expected.window[1])
+    return float(scene.physics.feeding() * largest ** (2 if expected.m else 1))
 
 
 def _exact(scene: Scene, quantity: str, t: float) -> Known | None:

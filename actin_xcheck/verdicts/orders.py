@@ -23,7 +23,8 @@ Validation in Scientific Computing, 2010, chapter 8):
 
     U = Fs max(c1, c2 / 2^p) / (2^q - 1)
 
-* Fs = 1.25 and q = p where the observed order log2(c2/c1) lies within a tenth of p;
+* Fs = 1.25 and q = p where the observed order log2(c2/c1) lies within a tenth of p and both changes go the
+  same way: errors that go up and down have no order, whatever two changes say;
 * else Fs = 3 and q = the observed order, at least 1/2 and at most p; with two levels Fs = 3 and q = p;
 * Fs = 3 wherever meshes are not similar, so that the factor of h^p differs from level to level;
 * a change smaller than order p leaves of the one before it is an accident (errors that change sign) and is
@@ -340,7 +341,8 @@ def _of_levels(
         return 0.0, "round-off", np.nan
     with np.errstate(divide="ignore"):
         observed = float(np.log2(before) - np.log2(change))
-    confirmed = similar and abs(observed - order) <= CONFIRMED * order
+    goes_on = float(((fine - coarse) * (coarse - values[2])).sum()) > 0
+    confirmed = similar and goes_on and abs(observed - order) <= CONFIRMED * order
     power = order if confirmed else min(max(observed, 0.5), order)
     factor = ASYMPTOTIC if confirmed else ELSEWHERE
     largest = max(change, before / 2**order)

@@ -36,10 +36,15 @@ QUANTITIES = ("area", "total_actin", "probe_a", "probe_x", "growth_rate")
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """A method's runs of a scene: as asked for, then its coarser companions as far as there are any."""
+    """A method's runs of a scene: as asked for, then its coarser companions as far as there are any.
+
+    What linear modes leave out is `neglected` at most, relative, and not seen by any of them; growth rates
+    are theirs.
+    """
 
     method: Method
     runs: tuple[Run, ...]
+    neglected: float = 0.0
 
     @property
     def family(self) -> str:
@@ -196,7 +201,8 @@ def corners_of(
 
 
 def _third(theory: Known, i: int) -> Corner:
-    how = f"printed to {theory.uncertainty:.0e}" if theory.uncertainty else "no uncertainty"
+    known_to = "linear" if theory.origin == "exact mode" else "printed"
+    how = f"{known_to} to {theory.uncertainty:.0e}" if theory.uncertainty else "no uncertainty"
     return Corner(theory.origin, float(theory.values[i]), theory.uncertainty, how)
 
 
@@ -231,6 +237,8 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
     solved = SOLVED * (run.series["time"] <= t).sum()
     floor = ROUND_OFF.get(quantity, 1e-12) * (1 + solved) * size
     steps = _of_steps(scene, run, quantity, t) * size
+    if quantity != "growth_rate":
+        floor += levels.neglected * size * (2 if quantity == "area" else 1)
     return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor, steps)
 
 
