@@ -77,6 +77,9 @@ def test_a_run_loads_its_solver_and_what_stores_it(method, other, tmp_path):
     loaded = modules_after(COMMAND, *words, "--out", str(tmp_path / "a.vtkhdf"))
     packages = {name.split(".")[0] for name in loaded}
     assert not packages & {"jinja2", "distributed", "pyvista", "ruptures", "sympy"}
+    if method == "fem-p1-paper":
+        assert not set(loaded) & {"numpy.f2py", "numpy.testing", "scipy.spatial", "scipy.sparse.linalg"}
+        assert len(loaded) < 680
     assert other is None or not packages & {other, "fipy", "matplotlib"}
     waited_for = {
         "skfem",

@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.imports import load_scipy
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -244,5 +245,6 @@ def _loaded(point: "EntryPoint") -> Method:
 def load(target: str) -> Callable[..., Any]:
     """Import "module:attribute" and return the attribute."""
     module, attribute = target.split(":")
+    load_scipy()
     loaded: Callable[..., Any] = getattr(import_module(module), attribute)
     return loaded

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from textwrap import shorten
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from simpleeval import SimpleEval
 
 from actin_xcheck.core.errors import brief
+from actin_xcheck.core.imports import load_scipy
 
 Array = NDArray[np.float64]
 
@@ -33,16 +35,19 @@ def _zero(*arguments: Any) -> Any:
     return 0.0
 
 
-def _bessel(order: Any, z: Any) -> Any:
-    from scipy.special import jv  # here: few scenes have one, and every run would wait for it
+@cache
+def _special() -> Any:
+    """scipy's special functions: few scenes have one, and every run would wait for them."""
+    load_scipy()
+    return import_module("scipy.special")
 
-    return jv(order, z)
+
+def _bessel(order: Any, z: Any) -> Any:
+    return _special().jv(order, z)
 
 
 def _bessel_slope(order: Any, z: Any) -> Any:
-    from scipy.special import jvp
-
-    return jvp(order, z)
+    return _special().jvp(order, z)
 
 
 # every function beside its partial derivatives, between the kinks of those that have some
