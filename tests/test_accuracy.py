@@ -8,14 +8,20 @@ import pytest
 
 from actin_xcheck.cli.app import main
 from actin_xcheck.core.errors import Ending, Outcome
-from actin_xcheck.runs.accuracy import LEVELS, change, deliver, estimated
+from actin_xcheck.runs.accuracy import LEVELS, change, deliver, estimated, fitted_rate
+from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies.accurate import Climbed, StatedError, accurate
+from actin_xcheck.studies.compare import compare_to, read_comparison
+from actin_xcheck.studies.stored import Ran
+from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.known import known, reference_errors
 from tests.lab import scene_of
+from tests.studies import carry
 
 REFERENCED = (
     "fig12-mixed-31-02-21",
@@ -155,6 +161,78 @@ def test_a_breakdown_is_delivered_as_such(tmp_path):
     reached = deliver(scene, 1e-3, tmp_path / "run.vtkhdf", "")
     assert reached.outcome.ending == "singular_dilation"
     assert math.isnan(reached.estimate)
+
+
+def test_a_growth_rate_is_delivered_as_accurate_as_asked(tmp_path):
+    """Its mode is a millionth of what steps have a tolerance of."""
+    scene = load_scene("mode-11-wall")
+    reached = deliver(scene, 1e-3, tmp_path / "run.vtkhdf", "", wanted=Fidelity.FULL)
+    rate = fitted_rate(scene, read_run(tmp_path / "run.vtkhdf"))
+    exact = growth_rate(scene.physics, 1, 1)
+    assert abs(rate - exact) / abs(exact) <= reached.estimate <= 1e-3
+
+
+def test_volumes_are_refined_until_what_they_state_is_small_enough():
+    study = accurate([load_scene("static-decay")], ["fem", "fv"], 1e-3, 0)
+    climb, *levels = [task.ask for task in next(study)]
+    assert climb.accuracy == 1e-3
+    assert [one.numerics.refine for one in levels] == [4, 3, 2]
+    ran = Ran("completed", "", 1.0)
+    (asked,) = study.send([Climbed("fem-p7-imex5", 1, 3e-5, "completed", "", 1.0), ran, ran, ran])
+    assert asked.ask.levels == tuple(levels)
+    (finer,) = study.send([StatedError(4e-3, False)])
+    assert finer.ask.numerics.refine == 5
+    assert finer.ask.numerics.dt == levels[0].numerics.dt / 2
+    (asked,) = study.send([ran])
+    assert [one.numerics.refine for one in asked.ask.levels] == [5, 4, 3]
+    with pytest.raises(StopIteration) as end:
+        study.send([StatedError(0.9e-3, False)])
+    elements, volumes = end.value.value
+    assert [job.numerics.method.name for job, _ in elements] == ["fem-p7-imex5"]
+    assert [job for job, _ in volumes] == [finer.ask, *levels[:2]]
+
+
+def test_volumes_whose_model_ends_are_not_refined_for_ever():
+    study = accurate([load_scene("static-decay")], ["fv"], 1e-3, 0)
+    ran = Ran("singular_dilation", "", 1.0)
+    next(study)
+    study.send([ran, ran, ran])
+    with pytest.raises(StopIteration):
+        study.send([StatedError(math.nan, True)])
+
+
+def test_codes_are_compared_to_an_accuracy(tmp_path):
+    """What both state covers the truth, and all that is claimed of theory is held to the accuracy."""
+    scene = load_scene("growing-disk")
+    report = carry(tmp_path, compare_to(5e-3, [scene], ["fem", "fv"]), name="compare")
+    comparison = read_comparison(tmp_path / "compare.h5")
+    assert {run.family for run in comparison.runs.values()} == {"fem", "fv"}
+    for value in report.values:
+        assert value.quantity == "polarity" or value.unsure <= 5e-3
+        for code in value.codes if value.theory else ():
+            assert abs(code.value - value.theory.value) <= code.uncertainty <= 5e-3 * value.size
+    assert all(claim.holds for claim in report.claims if claim.judged)
+    exact = [claim for claim in report.claims if claim.kind == "exact" and claim.methods[0].startswith("fem")]
+    assert [claim.bound for claim in exact] == [5e-3]
+    assert exact[0].command.endswith("compare growing-disk --method fem --accuracy 0.005")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--accuracy", "1e-3", "--refine", "3"], "chooses --refine itself"),
+        (["--accuracy", "1e-3", "--method", "fem-p1-imex2"], "elements are chosen"),
+        (["--accuracy", "1e-3", "--method", "fv-tpfa"], "it declares no order in space"),
+        (["--accuracy", "2"], "between 0 and 1"),
+    ],
+)
+def test_mistakes_beside_an_accuracy_of_a_comparison_are_one_line(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["actin_xcheck", "compare", *words, "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def compare(
     refine: Refine = None,
     dt: Dt = None,
     rtol: Rtol = None,
+    accuracy: Accuracy = None,
 ) -> "Study":
     """Run scenes with FEM and FV, judge them against theory, exact solutions and each other, write a report.
 
@@ -54,16 +55,25 @@ def compare(
     Fig. 14, and two cells with no parameter of Table 2.  Default methods: elements and finite volumes, each
     with a force balance of its own, of second order, and in the article's scheme for scenes of the article.
     Where elements and volumes part, the volumes are run with the elements' force balance too: it says whether
-    transport or mechanics is what differs.  Exit code 0 when all claims hold, 1 when one fails, 2 for a
-    mistake in what was asked.
+    transport or mechanics is what differs.  With --accuracy each code runs as fine as that needs, elements of
+    its own choice (--method fem), volumes on finer meshes until what they state is no more.  Exit code 0 when
+    all claims hold, 1 when one fails, 2 for a mistake in what was asked.
     """
     from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.runs.numerics import CHOSEN, Wanted
     from actin_xcheck.scene.scene import load_scenes
-    from actin_xcheck.studies.compare import DEFAULT_SCENES, jobs_of
+    from actin_xcheck.studies.accurate import others_of
+    from actin_xcheck.studies.compare import DEFAULT_SCENES, TO_AN_ACCURACY, compare_to, jobs_of
     from actin_xcheck.studies.compare import compare as study
 
     check_step(dt)
     loaded = load_scenes(scenes or DEFAULT_SCENES)
+    if accuracy is not None:
+        Wanted(CHOSEN, refine, dt, rtol, accuracy=accuracy)  # refuses what it would choose itself
+        others_of(methods or TO_AN_ACCURACY)
+        for scene in loaded:
+            warn_of(scene)
+        return compare_to(accuracy, loaded, methods or TO_AN_ACCURACY)
     jobs = jobs_of(loaded, find_methods(methods) if methods else None, refine, dt, rtol)
     for scene in loaded:
         warn_of(scene)

@@ -6,17 +6,17 @@ from importlib import import_module
 
 @cache
 def load_scipy() -> None:
-    """Load scipy's layer over arrays of other libraries, on which all of it rests, without numpy's lazy parts.
+    """Load what all of scipy rests on, without the parts of numpy that are loaded when they are named.
 
-    It copies every name of numpy, and so loads numpy's tests, its compiler of Fortran and more: 0.1 s.  They
-    are hidden from it meanwhile; whoever names one gets it as ever.
+    Its layer over arrays of other libraries copies every name of numpy, and so loads numpy's tests, its
+    compiler of Fortran and more: 0.1 s.  They are hidden from it meanwhile.
     """
     import numpy as np  # here: help needs none
 
-    listed, offered = np.__dir__, np.__all__
-    np.__dir__ = lambda: [name for name in listed() if name in vars(np)]
-    np.__all__ = [name for name in offered if name in vars(np)]
+    names, kept = vars(np), {"__dir__": np.__dir__, "__all__": np.__all__}
+    loaded = [name for name in np.__all__ if name in names]
+    names.update({"__dir__": lambda: loaded, "__all__": loaded})
     try:
         import_module("scipy.sparse")
     finally:
-        np.__dir__, np.__all__ = listed, offered
+        names.update(kept)

@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -103,7 +104,8 @@ class Delivered:
     level : the last one.
     reduction : how much of the model was solved.
     estimate : of the largest error of area and total actin (relative), concentrations and positions at the
-        probes (absolute) over the output times; nan where fewer than two levels completed.
+        probes and the centroid (absolute) over the output times, and of the growth rate that the scene
+        expects (relative); nan where fewer than two levels completed.
     changes : largest change from level to level.
     """
 
@@ -125,6 +127,7 @@ def deliver(
     command: str,
     progress: Progress = lambda done, total: None,
     wanted: Fidelity = Fidelity.AUTO,
+    pictures: int = 0,
 ) -> Delivered:
     """Run a scene on finer and finer levels until its estimated error is at most `accuracy`; keep the last.
 
@@ -136,6 +139,7 @@ def deliver(
     command : what reproduces it.
     progress : told of each level's run.
     wanted : how much of the model is solved.
+    pictures : of its film, see `run`.
 
     Raises OutOfReach where the finest level does not reach it; the file then holds that level.
     """
@@ -148,7 +152,8 @@ def deliver(
         def solve(level: AccuracyLevel, rtol: float, name: str) -> tuple[Outcome, Run]:
             file = Path(folder) / name
             numerics = Numerics(level.method, level.refine, scene.time.end, rtol, reduction)
-            outcome = run(scene, numerics, file, command, progress, passing=name != path.name)
+            passing = name != path.name
+            outcome = run(scene, numerics, file, command, progress, passing=passing, pictures=pictures)
             return outcome, read_run(file)
 
         reached = _Climb(scene, accuracy, beside, reduction, solve).to_the_finest_needed(levels)
@@ -182,7 +187,12 @@ class _Climb:
     ) -> None:
         self.scene, self.accuracy, self.path, self.solve = scene, accuracy, path, solve
         self.reduction = reduction
-        self.rtol, self.in_time = min(LOOSEST, accuracy), math.nan
+        self.measures_rate = scene.expect.growth_rate and reduction.fidelity is not Fidelity.MODAL
+        mode = scene.initial.eigenmode
+        # a step's tolerance is relative to a = 1, a rate to how large its mode is
+        self.of_a_step = OF_A_STEP / (mode.amplitude if self.measures_rate and mode else 1.0)
+        self.loosest = float(f"{min(LOOSEST, accuracy) / self.of_a_step:.3g}")
+        self.rtol, self.in_time = self.loosest, math.nan
         self.runs: dict[tuple[str, int], Run] = {}
         self.changes: list[float] = []
         self.shares: list[float] = []
@@ -208,7 +218,7 @@ class _Climb:
                     self.shares.append(self._share(level, now) if told else SHARE if failed else BOTH)
                     self.changes.append(self._change(before, now))
                 estimate = estimated(self.changes, self.shares) + self._neglected()
-                estimate += self.in_time if len(completed) > 2 else OF_A_STEP * self.rtol
+                estimate += self.in_time if len(completed) > 2 else self.of_a_step * self.rtol
                 self.runs[level.method.name, level.refine] = before = now
             reached = Delivered(
                 outcome, replace(level, rtol=self.rtol), self.reduction, estimate, tuple(self.changes)
@@ -220,13 +230,13 @@ class _Climb:
 
     def _find_tolerance(self, level: AccuracyLevel) -> None:
         """Tighten the tolerance on a coarse level until steps use up their part of the accuracy."""
-        self.rtol = min(LOOSEST, self.accuracy)
+        self.rtol = self.loosest
         now = self.runs[level.method.name, level.refine]
         while True:
             outcome, better = self.solve(level, _finer(self.rtol), FINE)
             if not outcome.ok:
                 return
-            self.in_time = max(BERTH * self._change(now, better), OF_A_STEP * self.rtol)
+            self.in_time = max(BERTH * self._change(now, better), self.of_a_step * self.rtol)
             if self.in_time <= IN_TIME * self.accuracy or FINER**2 * self.rtol < TIGHTEST:
                 return
             self.rtol, now = _finer(self.rtol), better
@@ -239,7 +249,11 @@ class _Climb:
         return min(level.share, max(LEAST, WIDER * self._change(fine, now) / gained))
 
     def _change(self, coarse: Run, fine: Run) -> float:
-        return change(coarse, fine, self.scene.output_times)
+        largest = change(coarse, fine, self.scene.output_times)
+        if self.measures_rate:
+            one, other = (fitted_rate(self.scene, run) for run in (coarse, fine))
+            largest = float(np.maximum(largest, abs(one - other) / (abs(other) or 1.0)))
+        return largest
 
     def _neglected(self) -> float:
         """What linear modes leave out is the same on all levels: no change shows it."""
@@ -276,15 +290,31 @@ def _alike(one: Run, other: Run) -> bool:
 
 
 def change(coarse: Run, fine: Run, times: Sequence[float]) -> float:
-    """Largest change between two levels over the output times: relative for integrals, absolute at probes."""
+    """Largest change between two levels over the output times: of integrals relative, of others absolute."""
     largest = 0.0
     for t in times:
         one, other = (run.row_at(t) for run in (coarse, fine))
         for name in ("area", "total_actin"):
             largest = np.maximum(largest, abs(one[name] - other[name]) / other[name])
-        for name in ("probe_a", "probe_x"):
+        for name in ("probe_a", "probe_x", "centroid"):
             largest = np.maximum(largest, np.abs(one[name] - other[name]).max(initial=0.0))
     return float(largest)
+
+
+def fitted_rate(scene: Scene, run: Run) -> complex:
+    """The growth rate that the scene expects, as measured; nan where no exponentials fit."""
+    from actin_xcheck.theory.eigenfields import growth_rate  # here: few scenes expect one
+    from actin_xcheck.theory.growth import fit_growth
+
+    expected, series = scene.expect.growth_rate, run.series
+    assert expected is not None
+    oscillates = bool(growth_rate(scene.physics, expected.m, expected.n).imag)
+    # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
+    exponentials: Literal[1, 2] = 1 if scene.initial.eigenmode and not oscillates else 2
+    try:
+        return fit_growth(series["time"], series["mode_amplitude"], expected.window, exponentials).rate
+    except ValueError:
+        return complex("nan")
 
 
 def estimated(changes: Sequence[float], shares: Sequence[float]) -> float:

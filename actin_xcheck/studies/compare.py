@@ -15,6 +15,7 @@ from actin_xcheck.runs.numerics import Numerics, suited
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import Run, read_run, reading
 from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.accurate import accurate
 from actin_xcheck.studies.stored import Ran, Stored, companions_of
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 from actin_xcheck.verdicts.final import Apart, FinalValue, apart, final_values, in_a_sentence, known_badly
@@ -34,6 +35,9 @@ DEFAULT_METHODS = ("fem-p1-imex2", "fv")
 
 ARTICLES_METHODS = ("fem-p1-paper", "fv-paper")
 """The same in the article's scheme, for scenes that state the article's step."""
+
+TO_AN_ACCURACY = ("fem", "fv")
+"""Methods where an accuracy is asked for: whichever elements reach it, and the volumes."""
 
 DEFAULT_REFINE = 5
 """2113 nodes for every scene: a comparison is over in about a minute."""
@@ -56,6 +60,18 @@ def compare(jobs: Sequence[Stored]) -> Study:
     beside = companions(jobs)
     levels = [_levels(job, beside) for job in jobs]
     runs = yield from _ran(levels)
+    return (yield from _reported(levels, runs))
+
+
+def compare_to(accuracy: float, scenes: Sequence[Scene], methods: Sequence[str]) -> Study:
+    """The same of runs that are each as fine as an accuracy needs, see `accurate.accurate`."""
+    found = yield from accurate(scenes, methods, accuracy, PICTURES)
+    rows = [_row(job, times, ran, "runs") for levels in found for times, (job, ran) in enumerate(levels)]
+    return (yield from _reported([tuple(job for job, _ in levels) for levels in found], rows))
+
+
+def _reported(levels: Sequence[tuple[Stored, ...]], runs: list["RunRow"]) -> Study:
+    """Judge runs that are there, each method's finest first."""
     by_scene = [tuple(of_one) for _, of_one in groupby(levels, lambda one: one[0].scene.name)]
     found: list[JudgedScene] = yield [Task(judged, of_one, JUDGED) for of_one in by_scene]
     partings, lent = yield from _localised(by_scene, found)

@@ -15,7 +15,7 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity
-from actin_xcheck.runs.numerics import command
+from actin_xcheck.runs.numerics import CHOSEN, command
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.scene.tables import Bound
@@ -109,6 +109,9 @@ def again(scene: Scene, *runs: Run) -> str:
     A comparison solves the whole model on the disk; of any other run it is what made that.
     """
     first = runs[0].attributes
+    if "accuracy" in first:
+        names = (asked_as(run) for run in runs)
+        return command("compare", scene.origin, method=tuple(names), accuracy=float(first["accuracy"]))
     whole = first.get("fidelity", Fidelity.FULL) == Fidelity.FULL
     if not whole or first.get("mesh") or first.get("remesh"):
         return str(first["command"])
@@ -127,11 +130,21 @@ def _rtol(run: Run) -> float:
     return float(np.nan_to_num(run.attributes.get("rtol", np.nan)))
 
 
-def _bound(bound: Bound, run: Run) -> tuple[float, str]:
-    """The bound at the run's resolution and how it is made up.
+def asked_as(run: Run) -> str:
+    """The method by which a run was asked for: one of an accuracy's levels was chosen."""
+    return CHOSEN if "error_estimate" in run.attributes else str(run.attributes["method_name"])
+
+
+def _bound(bound: Bound, run: Run, of_field: bool = False) -> tuple[float, str]:
+    """The bound at the run's resolution and how it is made up; the accuracy where one was asked for.
+
+    Of a whole field that is for runs that were chosen: levels of a mesh tell of single numbers.
 
     dt is the largest step that was taken: of a run that chose its steps, the one asked for is a limit only.
     """
+    accuracy = float(run.attributes.get("accuracy", 0.0))
+    if accuracy and (not of_field or "error_estimate" in run.attributes):
+        return accuracy, "bound: the accuracy that was asked for"
     h, dt = 2.0 ** -int(run.attributes["refine"]), float(np.diff(run.series["time"]).max(initial=0.0))
     chosen = f", the largest step chosen by the tolerance {_rtol(run):g}" if _rtol(run) else ""
     return (
@@ -217,7 +230,7 @@ class _Judge:
     def _exact(self) -> Claim:
         expected = self.scene.expect.exact
         assert expected is not None
-        bound, note = _bound(expected.bound, self.run)
+        bound, note = _bound(expected.bound, self.run, of_field=True)
         return self._claim(
             kind=ClaimKind.EXACT,
             quantity="concentration",
@@ -285,8 +298,10 @@ def _complex(rate: complex) -> str:
 
 
 def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:
-    """Whether two codes give the same concentration in the same material cells at the end."""
+    """Whether two codes give the same concentration in the same material cells at the end, on one mesh."""
     (name, first), (other_name, second) = one, other
+    if not np.array_equal(first.corners, second.corners):
+        return
     bound, note = np.nan, "the scene states no bound: [expect.agreement] bound = { h2 = ... }"
     orders = [json.loads(run.attributes["method"])["order_dt"] for run in (first, second)]
     if orders[0] != orders[1]:

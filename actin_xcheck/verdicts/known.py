@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from decimal import Decimal
 from enum import StrEnum
 from functools import cache
-from typing import Literal
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -13,12 +12,12 @@ from numpy.polynomial import legendre
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import Closure
+from actin_xcheck.runs.accuracy import fitted_rate
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.eigenfields import growth_rate
-from actin_xcheck.theory.growth import fit_growth
 
 PRINTED = 1e-9
 """Reference values are printed to ten digits at most."""
@@ -190,7 +189,7 @@ def error_of(scene: Scene, run: Run, quantity: Quantity) -> float:
         case Quantity.GROWTH_RATE:
             assert scene.mode is not None
             exact = growth_rate(scene.physics, *scene.mode)
-            error = _fitted_rate(scene, run) - exact
+            error = fitted_rate(scene, run) - exact
             return float((error.real if not exact.imag else abs(error)) / abs(exact))
         case _:
             return reference_errors(scene, run)[quantity]
@@ -211,20 +210,6 @@ def change_between(scene: Scene, coarse: Run, fine: Run, quantity: Quantity) -> 
         case _:
             one, other = (np.asarray(run.series[quantity][-1]) for run in (coarse, fine))
             return float((one - other) / other if quantity.is_functional else np.abs(one - other).max())
-
-
-def _fitted_rate(scene: Scene, run: Run) -> complex:
-    """The measured growth rate of the scene's mode; nan where no exponentials fit."""
-    expected = scene.expect.growth_rate
-    assert expected is not None
-    rate = growth_rate(scene.physics, expected.m, expected.n)
-    # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
-    exponentials: Literal[1, 2] = 1 if scene.initial.eigenmode and not rate.imag else 2
-    try:
-        series = run.series
-        return fit_growth(series["time"], series["mode_amplitude"], expected.window, exponentials).rate
-    except ValueError:
-        return complex("nan")
 
 
 def l2_error(scene: Scene, run: Run) -> float:
