@@ -102,6 +102,7 @@ def test_high_orders_in_time_are_claimed_where_all_conditions_are_met():
 
     for name in ("static-decay", "growing-disk", "manufactured-moving", "manufactured-static"):
         assert claimed(name) == claimed(name, "fem-p4-imex4") == {Quantity.CONCENTRATION}
+        assert claimed(name) == claimed(name, "fem-p8-imex5")
     assert claimed("mode-0-cell")
     assert not claimed("mode-0-cell", "fem-p4-imex4")
     assert not claimed("smooth-fronts")
@@ -137,8 +138,7 @@ def test_a_ring_that_data_do_not_fit_is_seen(this, other):
 def test_without_arguments_every_method_that_moves_its_nodes_is_studied():
     chosen = {name: plan.moving_their_own(name, named=False) for name in plan.CONVERGED}
     studied = {method for methods in chosen.values() for method in methods}
-    claimed = [one for one in METHODS.values() if one.space < 5]  # above P4 no order is claimed
-    assert studied == {one.name for one in claimed if one.driven_by is None or not one.order_h}
+    assert studied == {one.name for one in METHODS.values() if one.driven_by is None or not one.order_h}
     assert "fem-p4-imex4" not in chosen["smooth-fronts"]
     assert "fem-p4-imex4" in plan.moving_their_own("smooth-fronts", named=True)
 

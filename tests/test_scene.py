@@ -407,6 +407,7 @@ def test_exact_solutions_solve_the_transport_equation(name):
     velocity = {
         "static-decay": (sympy.Integer(0), sympy.Integer(0)),
         "growing-disk": (x / 2, y / 2),
+        "growing-waves": (x / 2, y / 2),
         "stirred": ((1 - squared) * x / 2 - 2 * squared * y, (1 - squared) * y / 2 + 2 * squared * x),
         "stirred-static": (sympy.Integer(0), sympy.Integer(0)),
         "manufactured-static": (sympy.Integer(0), sympy.Integer(0)),

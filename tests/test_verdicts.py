@@ -54,6 +54,20 @@ def test_a_higher_order_term_is_told_from_a_wrong_order(c, verdict):
     assert observe(H, H**2 * np.abs(1 + c * H), 2).verdict is verdict
 
 
+@pytest.mark.parametrize(
+    ("orders", "verdict"),
+    [
+        ((8.44, 8.88), Verdict.NOT_YET_ASYMPTOTIC),
+        ((8.44, 8.8), Verdict.FAIL),  # too far
+        ((8.82, 8.86), Verdict.FAIL),  # too slow to come to 9
+        ((8.9, 8.95), Verdict.PASS),
+    ],
+)
+def test_orders_that_round_off_ends_next_to_the_declared_one_are_no_failure(orders, verdict):
+    errors = 1e-6 / 2.0 ** np.cumsum([0, *orders, 20, 20])
+    assert observe(H, errors, 9).verdict is verdict
+
+
 def test_a_number_whose_error_changes_its_sign_shows_no_order_yet():
     """h^2 - 6 h^3: with its sign it is not settled, without it would have to be called a failure."""
     errors = H**2 * (1 - 6 * H)

@@ -10,6 +10,7 @@ The rules for orders p_i = log(e_i/e_{i+1}) / log(s_i/s_{i+1}) between successiv
   least a quarter of the distance: a next term of the error, h^(1/2) relative to the leading one or higher,
   lets that distance fall by 0.71 a level or faster; and when the error of a single number changes its sign
   once among the last four levels, where its leading terms cancel, and the last two orders are far apart;
+* the same where round-off ends the orders, the last of them within 0.15, before there are three;
 * FAIL when an error rises out of round-off again;
 * FAIL in every other case: they have settled elsewhere, or not at all.
 
@@ -170,6 +171,11 @@ def _judge(
         return Verdict.PASS, f"the last two local orders are {last}"
     if len(known) > 2 and distance[-1] <= APPROACHES * distance[-2] and distance[-2] < distance[-3]:
         return Verdict.NOT_YET_ASYMPTOTIC, f"the local orders approach {declared:g}; the last two are {last}"
+    if len(known) < len(local) and distance[-1] <= min(TOLERANCE, APPROACHES * distance[-2]):
+        return (
+            Verdict.NOT_YET_ASYMPTOTIC,
+            f"the local orders approach {declared:g} where round-off ends them; the last two are {last}",
+        )
     turns = np.count_nonzero(np.diff(np.sign(errors[above][-4:])))
     if turns == 1 and abs(known[-1] - known[-2]) > TOLERANCE:
         return Verdict.NOT_YET_ASYMPTOTIC, f"the error changes its sign; the last two local orders are {last}"
@@ -188,11 +194,6 @@ def why_not(scene: Scene, method: Method, quantity: Quantity) -> str:
     """Why the method's orders are not claimed of a quantity of the scene; empty where they are."""
     if not method.order_h:
         return "declared to stall: the exhibit of what does not converge on triangles"
-    if method.order_dt > 4:
-        return (
-            "on the few meshes that round-off leaves to P5 and above local orders have not settled, and the "
-            "stages, which are of order 2, keep a near order 4.4 in time: tests hold elements and pair apart"
-        )
     if scene.expect.exact:
         if method.order_dt > 2 and not _flux_of_change(scene) <= _NOTHING:
             return (
