@@ -30,7 +30,7 @@ FIXED_REFINE = 3
 """The mesh on which dt is refined, above P2 the next coarser one: what it leaves out does not matter."""
 
 FIXED_STEPS = (5, 10, 20, 40, 80, 160)
-"""Steps of a dt study over the whole time; 2/5 of them for pairs of order 4 and above: the rest is round-off."""
+"""Steps of a dt study over the whole time; 2/5 of them for pairs of order 4 and 5: the rest is round-off."""
 
 COARSEST_STEPS = {1: 1, 2: 8, 3: 8, 4: 2, 5: 2}
 """Steps on the coarsest mesh, by the order in time: a first-order scheme makes four times as many on the next
