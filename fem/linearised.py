@@ -49,11 +49,11 @@ class AngularMode:
         displacements = np.hstack([centre, radial, angular])
         match model.closure:
             case Closure.TRACTION_FREE:
-                self._velocities = displacements
+                self.velocities = displacements
             case Closure.IRROTATIONAL_WALL:
-                self._velocities = np.hstack([centre, radial[:, :-1], angular])
+                self.velocities = np.hstack([centre, radial[:, :-1], angular])
             case Closure.REFERENCE_NORMAL | Closure.CURRENT_NORMAL:
-                self._velocities = np.hstack([centre, radial, angular[:, :-1]])
+                self.velocities = np.hstack([centre, radial, angular[:, :-1]])
         self.expansion = block_diag(np.eye(count)[:, min(m, 1) :], displacements)
         """From free unknowns to (A, U, Z) at the nodes, (3 N, n)."""
         self.restriction = (self.expansion / (self.expansion**2).sum(axis=0)).T
@@ -63,14 +63,11 @@ class AngularMode:
     @cached_property
     def generator(self) -> Array:
         """L, (n, n)."""
-        ray, values, m = self.ray, self.ray.values, self.m
-        mass = (values.T * self._area) @ values
-        stiffness = (ray.slopes.T * self._area) @ ray.slopes
-        stiffness += m**2 * (values.T * (self._area / ray.points**2)) @ values
-        change = -((values.T * self._area) @ self._dilation) @ self.flow
-        change[:, : ray.nodes.size] -= self.model.reaction_rate() * mass
-        change[:, : ray.nodes.size] -= self.model.parameters.d * stiffness
-        free = slice(min(m, 1), None)
+        mass, count = self.mass, self.ray.nodes.size
+        change = -self.dilution @ self.flow
+        change[:, :count] -= self.model.reaction_rate() * mass
+        change[:, :count] -= self.model.parameters.d * self.stiffness
+        free = slice(min(self.m, 1), None)
         rates = np.zeros_like(change)
         rates[free] = np.linalg.solve(mass[free, free], change[free])
         return np.asarray(self.restriction @ np.vstack([rates, self.flow]) @ self.expansion)
@@ -84,8 +81,14 @@ class AngularMode:
     @cached_property
     def flow(self) -> Array:
         """Velocities (U_t, Z_t) at the nodes for (A, U, Z) there, (2 N, 3 N)."""
-        moving = self._velocities
-        matrix, load = moving.T @ self._isotropic(self.model.viscous_moduli()) @ moving, moving.T @ self.load
+        return self.flow_over(0.0)
+
+    def flow_over(self, dt: float) -> Array:
+        """The same by a step dt of (B.23a), in which the elasticity of what is moved counts, (2 N, 3 N)."""
+        moving = self.velocities
+        (mu1, mu2), (one, nu_prime) = self.model.viscous_moduli(), self.model.elastic_moduli()
+        viscous = self.isotropic((mu1 + dt * one, mu2 + dt * nu_prime))
+        matrix, load = moving.T @ viscous @ moving, moving.T @ self.load
         if self.rigid is None:
             return np.asarray(moving @ np.linalg.solve(matrix, load))
         weighted = moving.T @ self._mass_of_vectors @ self.rigid
@@ -96,9 +99,9 @@ class AngularMode:
     def load(self) -> Array:
         """F (f' A - p_e phi(u)) - N(1, nu') u for (A, U, Z) at the nodes, (2 N, 3 N)."""
         slope, stiffening = self.model.slopes()
-        of_f = -self._dilation.T * self._area
+        of_f = -self.dilation.T * self._area
         of_f[self.ray.nodes.size - 1, -1] += 1.0
-        of_u = -self._isotropic(self.model.elastic_moduli()) + stiffening * of_f @ self._dilation
+        of_u = -self.isotropic(self.model.elastic_moduli()) + stiffening * of_f @ self.dilation
         if self.model.rheology is Rheology.VISCOUS:
             of_u = np.zeros_like(of_u)
         return np.hstack([slope * of_f @ self.ray.values, of_u])
@@ -113,23 +116,41 @@ class AngularMode:
             return np.append(np.zeros_like(nodes), nodes)
         return np.append(np.ones_like(nodes), -np.ones_like(nodes))
 
-    def _isotropic(self, moduli: tuple[float, float]) -> Array:
+    def isotropic(self, moduli: tuple[float, float]) -> Array:
         """`forms.isotropic` and, beside a wall, the slip friction of the first modulus, (2 N, 2 N)."""
         first, second = moduli
         along, across, shear = self._strains
-        terms = ((first, along), (first, across), (first / 2, shear), (second, self._dilation))
+        terms = ((first, along), (first, across), (first / 2, shear), (second, self.dilation))
         matrix = np.sum([modulus * (strain.T * self._area) @ strain for modulus, strain in terms], axis=0)
         if self.model.closure is Closure.IRROTATIONAL_WALL:
             matrix[-1, -1] += first
         return np.asarray(matrix)
 
     @property
+    def mass(self) -> Array:
+        """M, (N, N)."""
+        return np.asarray((self.ray.values.T * self._area) @ self.ray.values)
+
+    @property
+    def stiffness(self) -> Array:
+        """K, (N, N)."""
+        ray = self.ray
+        matrix = (ray.slopes.T * self._area) @ ray.slopes
+        matrix += self.m**2 * (ray.values.T * (self._area / ray.points**2)) @ ray.values
+        return np.asarray(matrix)
+
+    @property
+    def dilution(self) -> Array:
+        """D, the integrals of b div v, (N, 2 N)."""
+        return np.asarray((self.ray.values.T * self._area) @ self.dilation)
+
+    @property
     def _mass_of_vectors(self) -> Array:
-        mass = (self.ray.values.T * self._area) @ self.ray.values
-        return np.asarray(block_diag(mass, mass))
+        return np.asarray(block_diag(self.mass, self.mass))
 
     @cached_property
-    def _dilation(self) -> Array:
+    def dilation(self) -> Array:
+        """phi at the ray's points for (U, Z) at the nodes, (Q, 2 N)."""
         along, across, _ = self._strains
         return along + across
 

@@ -64,7 +64,7 @@ def modes_command(
     above: Annotated[float, typer.Option(help="Give all rates with a real part above this.")] = 0.0,
     as_json: Json = False,
 ) -> None:
-    """Every growth rate above a bound, per angular number; the count is proved by the argument principle."""
+    """Every growth rate above a bound, per angular number; counted by the argument principle."""
     from rich.table import Table
 
     from actin_xcheck.cli.conduct import print_table
@@ -132,6 +132,37 @@ def threshold_command(
         mark = "lowest" if first is not None and one.m == first.m else ""
         table.add_row(str(one.m), *numbers, ", ".join(filter(None, (mark, one.reason))))
     print_table(table)
+
+
+@app.command("transient")
+@study_command("transient", "predict transient")
+def transient(
+    psi: Psi = None,
+    p: P = None,
+    d: D = None,
+    a_sat: ASat = None,
+    mu1: Mu1 = None,
+    mu2: Mu2 = None,
+    nu: Nu = None,
+    closure: ClosureOption = None,
+    rheology: RheologyOption = None,
+    delta: DeltaOption = None,
+    scene: SceneOption = None,
+    m: Modes = "0:4",
+) -> "Study":
+    """How far perturbations grow in an energy before they decay, and what schemes make of them.
+
+    Of a rheology and a closure that are not given, both and the moving cell's and the wall's.  The starts that
+    grow most are left as scenes, for `compare`.
+    """
+    from actin_xcheck.studies.transient import transient as study
+
+    given = {"psi": psi, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
+    model = _model(scene, given, closure, rheology, delta)
+    closures = [model.closure] if closure or scene else [model.closure, Closure.IRROTATIONAL_WALL]
+    rheologies = [model.rheology] if rheology or scene else [model.rheology, Rheology.VISCOUS]
+    models = [model.varied(closure=one, rheology=other) for one in closures for other in rheologies]
+    return study(models, _numbers(m))
 
 
 @app.command("report")

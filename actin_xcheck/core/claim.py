@@ -24,6 +24,7 @@ class ClaimKind(StrEnum):
     """Volumes alone change the concentration."""
     EXACT = "exact"
     GROWTH_RATE = "growth rate"
+    TRANSIENT = "transient growth"
     REFERENCE = "reference"
     AGREEMENT = "agreement"
     """Of methods with each other."""

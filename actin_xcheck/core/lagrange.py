@@ -176,6 +176,13 @@ def areas(x: Array, cells: Indices) -> Array:
     return rule(order, 2 * order - 2).dx(x, cells).sum(axis=0)
 
 
+def gradient(rule: Rule, field: Array, x: Array, cells: Indices) -> Array:
+    """Derivatives (k, 2, q, n_cells) in x at the points of a rule, of a field (k, N) on nodes at x (2, N)."""
+    jacobian = np.einsum("ajq,iae->qeij", rule.slopes, x[:, cells])
+    slopes = np.einsum("ajq,kae->qekj", rule.slopes, field[:, cells])
+    return np.einsum("qekj,qeji->kiqe", slopes, np.linalg.inv(jacobian))
+
+
 HIGHEST = 8
 """The largest k."""
 

@@ -48,6 +48,7 @@ class Group(StrEnum):
 
 _SHARED = {
     ClaimKind.GROWTH_RATE: Group.MODES,
+    ClaimKind.TRANSIENT: Group.MODES,
     ClaimKind.TRIANGLE: Group.AGREEMENT,
     ClaimKind.ORDER_H: Group.ORDERS,
     ClaimKind.ORDER_DT: Group.ORDERS,

@@ -39,6 +39,9 @@ HAND_OVER = "fem.hand_over:HandOver"
 SPECTRUM = "fem.spectrum:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
 
+PERTURBATIONS, POWERS = "fem.transient:Perturbations", "fem.transient:powers"
+"""Amplification of perturbations of it, and by powers of a step."""
+
 REMESHING = "fem.remeshing:Remeshing"
 """Curved elements whose mesh is replaced when it is about to fold."""
 

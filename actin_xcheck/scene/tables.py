@@ -340,6 +340,13 @@ class GrowthRate(ModeTable):
     bound: Bound
 
 
+class Transient(TomlTable):
+    """`[expect.transient]`: from t = 0 to the end energy grows as far as that of any perturbation can."""
+
+    m: int = Field(ge=0, le=100)
+    bound: Bound
+
+
 class ReferenceValues(TomlTable):
     """`[[expect.reference.at]]`: values at one output time; nan is not judged.
 
@@ -384,6 +391,7 @@ class Expect(TomlTable):
 
     exact: Exact | None = None
     growth_rate: GrowthRate | None = None
+    transient: Transient | None = None
     reference: References | None = None
     agreement: Agreement | None = None
     ends: Annotated[Ending | None, Field(strict=False)] = None

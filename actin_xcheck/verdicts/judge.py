@@ -15,13 +15,20 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.method import PERTURBATIONS, load
 from actin_xcheck.runs.numerics import CHOSEN, command
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.scene.tables import Bound
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.theory.growth import fit_growth
-from actin_xcheck.verdicts.known import cell_difference, known, l2_error, reference_errors
+from actin_xcheck.verdicts.known import (
+    cell_difference,
+    known,
+    l2_error,
+    perturbation_energy,
+    reference_errors,
+)
 from actin_xcheck.verdicts.triangulate import Levels, estimate, reaches
 
 CONSERVATION_BOUND = 1e-12
@@ -177,6 +184,8 @@ class _Judge:
             yield self._exact()
         if expect.growth_rate is not None:
             yield self._growth()
+        if expect.transient is not None:
+            yield self._transient()
         if expect.reference is not None:
             yield from self._reference()
 
@@ -264,6 +273,23 @@ class _Judge:
             value=abs(measured - rate) / (abs(rate) or 1.0),
             bound=bound,
             path="run/series/mode_amplitude",
+            note=note,
+        )
+
+    def _transient(self) -> Claim:
+        expected, end = self.scene.expect.transient, self.scene.time.end
+        assert expected is not None
+        most = load(PERTURBATIONS)(self.scene.physics, expected.m).growth(end)
+        bound, note = _bound(expected.bound, self.run)
+        grown = perturbation_energy(self.scene, self.run, -1) / perturbation_energy(self.scene, self.run, 0)
+        return self._claim(
+            kind=ClaimKind.TRANSIENT,
+            quantity="energy",
+            statement=f"the perturbation grows until t = {end:g} as far as any of m = {expected.m} can, "
+            f"{most:.4f} times in energy (relative error; measured {grown:.4f})",
+            value=abs(grown / most - 1) if self._completed() else np.nan,
+            bound=bound,
+            path="VTKHDF/PointData/a",
             note=note,
         )
 

@@ -77,7 +77,7 @@ class Borders:
 
 
 def borders(p: float, delta: Delta, version: Version, mode: Mode = W11) -> Borders:
-    """Return a mode's borders at pressure p from the double roots of (3.6), proved on either side.
+    """Return a mode's borders at pressure p from the double roots of (3.6), counted on either side.
 
     ArithmeticError where the roots do not change character there.
     """

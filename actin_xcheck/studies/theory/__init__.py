@@ -44,7 +44,7 @@ def modes_sheet() -> Sheet:
         "modes",
         "Growing modes at the ψ of Table 4",
         "p = 0.26, δ = 0; leading exact rate of each angular number. The wall is the problem the article "
-        "analyses, the others are the cell it computes. Every list is proved complete.",
+        "analyses, the others are the cell it computes. Every list is counted by the argument principle.",
         tuple(rows),
     )
 

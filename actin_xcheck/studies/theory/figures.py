@@ -197,7 +197,7 @@ def centres(largest: float) -> Array:
 
 
 def branches_of(model: Model, p: Array, version: Version = Version.CORRECTED) -> list[Branch]:
-    """The proved branches of a model's closure in the window; as printed there is nothing to prove."""
+    """The counted branches of a model's closure in the window; as printed there is nothing to count."""
     if model.closure is not Closure.IRROTATIONAL_WALL:
         return cell_branches(model, p, PSI_MAX)
     branches = wall_branches(model, p, PSI_MAX, version)
