@@ -93,7 +93,7 @@ class ReportAnswer(Answer):
 
     command: Literal[
         "compare", "converge", "chart", "frontier", "paper", "faults", "closures", "distort", "extremes",
-        "random", "coverage", "judge", "predict report", "report",
+        "random", "coverage", "judge", "predict report", "predict transient", "report",
     ]  # fmt: skip
     page: str
     verdicts: dict[str, int] = {}

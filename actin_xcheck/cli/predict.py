@@ -150,9 +150,9 @@ def transient(
     scene: SceneOption = None,
     m: Modes = "0:4",
 ) -> "Study":
-    """How far perturbations grow in an energy before they decay, and what schemes make of them.
+    """Growth of perturbations before they decay, in an energy, and what schemes make of it.
 
-    Of a rheology and a closure that are not given, both and the moving cell's and the wall's.  The starts that
+    Of a rheology and a closure that are not given, both, the moving cell's and the wall's.  Starts that
     grow most are left as scenes, for `compare`.
     """
     from actin_xcheck.studies.transient import transient as study
