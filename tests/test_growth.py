@@ -161,6 +161,10 @@ OWN_LEVELS = [(3, 20), (4, 20), (5, 20), (4, 10), (4, 40)]
 OWN_LEVELS_OF_PAIRS = [(3, 40), (4, 40), (5, 40), (6, 40), (3, 80), (4, 80), (5, 80), (4, 160)]
 
 
+GRID_OF_PAIRS = [(5, 80), (5, 160), (4, 80), (4, 160), (4, 320), (6, 80)]
+GRID = [*GRID_OF_PAIRS[:-1], (3, 80), (3, 160)]
+
+
 def by_each(names, every_push):
     """Some scenes by both codes; at night all, also by volumes to which the elements lend their balance."""
     quick = {(name, method) for name in every_push for method in (FEM, OWN)}
@@ -192,9 +196,27 @@ def test_extrapolated_rates_of_the_moving_cell_are_the_exact_ones(name, method):
     if method == OWN:
         levels = OWN_LEVELS_OF_PAIRS if exact.imag else OWN_LEVELS
     else:
-        grid = [(5, 80), (5, 160), (4, 80), (4, 160), (4, 320)]
-        levels = [*grid, (6, 80)] if exact.imag else [*grid, (3, 80), (3, 160)]
+        levels = GRID_OF_PAIRS if exact.imag else GRID
     assert abs(limit_of(scene, method, levels) - exact) < (0.005 if exact.imag else 0.002) * abs(exact)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [FEM, OWN])
+def test_laws_of_ones_own_grow_at_their_exact_rates(method):
+    """Saturating contractility and a logarithmic pressure with polymerisation: within 0.2 % by both codes."""
+    laws = {
+        "contractility": "psi*a**2/(half + a**2)",
+        "pressure": "p*(1 + delta*tanh(a)) - stiff*log(1 + phi)",
+    }
+    scene = load_scene("mode-1-cell").varied(
+        {f"laws.{law}": text for law, text in laws.items()}
+        | {"laws.parameters": {"half": 0.7, "stiff": 1.3}, "parameters.p": 2.0, "model.delta": "full"}
+    )
+    exact = growth_rate(scene.physics, *scene.mode)
+    assert exact.imag == 0
+    assert limit_of(scene, method, OWN_LEVELS if method == OWN else GRID) == pytest.approx(
+        exact.real, rel=0.002
+    )
 
 
 def threshold_of(scene, refine, steps, near):

@@ -10,7 +10,7 @@ import sympy
 
 from actin_xcheck.cli.conduct import warn_of
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.model import Closure, Delta, Model, Rheology
+from actin_xcheck.core.model import ARTICLE, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import UNITS, DimensionalParameters, Parameters, far_from_the_article
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -470,4 +470,5 @@ def test_a_list_says_of_a_scene_what_loading_it_does(name):
     scene = load_scene(name)
     p, physics = scene.parameters, scene.physics
     model = f"psi {p.psi:g}, p {p.p:g}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
-    assert listed(name) == (scene.name, scene.citation, model)
+    own = "".join(f", {law} {getattr(scene.laws, law)}" for law in ARTICLE if getattr(scene.laws, law))
+    assert listed(name) == (scene.name, scene.citation, model + own)

@@ -184,13 +184,14 @@ def _model(
     """What is given, else what the scene says, else the defaults; checked where types do not."""
     from dataclasses import asdict
 
-    from actin_xcheck.core.model import Model
+    from actin_xcheck.core.model import Laws, Model
     from actin_xcheck.scene.scene import load_scene
 
     values: dict[str, float] = {name: value for name, value in given.items() if value is not None}
+    laws = Laws()
     if scene:
         physics = load_scene(scene).physics
-        values = asdict(physics.parameters) | values
+        values, laws = asdict(physics.parameters) | values, physics.laws
         closure, rheology, delta = (
             closure or physics.closure,
             rheology or physics.rheology,
@@ -212,21 +213,26 @@ def _model(
         raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
     if delta not in {Delta.NONE, Delta.FULL}:
         raise UserError(f"--delta: {delta} varies in space; theory takes it constant; valid: none, full")
-    return Model(parameters, rheology or Rheology.VISCOELASTIC, closure or Closure.REFERENCE_NORMAL, delta)
+    rheology, closure = rheology or Rheology.VISCOELASTIC, closure or Closure.REFERENCE_NORMAL
+    return Model(parameters, rheology, closure, delta, laws=laws)
 
 
 def _conditions(model: "Model") -> dict[str, float | str]:
     """All that a prediction depends on."""
     from dataclasses import asdict
 
+    from actin_xcheck.core.model import ARTICLE
+
     numbers = {name: value for name, value in asdict(model.parameters).items() if name != "l0"}
-    return {**numbers, "rheology": model.rheology, "closure": model.closure, "delta": model.delta}
+    readings = {"rheology": model.rheology, "closure": model.closure, "delta": model.delta}
+    laws = {law: str(own) for law in ARTICLE if (own := getattr(model.laws, law)) is not None}
+    return {**numbers, **dict(model.laws.own), **readings, **laws}
 
 
 def _in_words(conditions: dict[str, float | str]) -> str:
     words = (
-        f"delta {value}"
-        if name == "delta"
+        f"{name} {value}"
+        if name in ("delta", "contractility", "pressure")
         else str(value)
         if isinstance(value, str)
         else f"{name} = {value:g}"

@@ -258,7 +258,7 @@ def _by_stages(method: Method) -> bool:
 
 def _nothing_moves(scene: Scene) -> bool:
     """Whether the load of the force balance is zero for ever: nothing active or displaced that counts."""
-    if scene.motion is not None or scene.parameters.psi or scene.parameters.p:
+    if scene.motion is not None or scene.physics.contracts or scene.physics.pressed:
         return False
     undisplaced = scene.initial.u is None and scene.initial.eigenmode is None
     return undisplaced or scene.physics.rheology is Rheology.VISCOUS

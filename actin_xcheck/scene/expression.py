@@ -63,6 +63,7 @@ _FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[_Slope, ...]]] = {
     "cosh": (np.cosh, (np.sinh,)),
     "tanh": (np.tanh, (lambda z: 1 / np.cosh(z) ** 2,)),
     "arctan": (np.arctan, (lambda z: 1 / (1 + z**2),)),
+    "atan": (np.arctan, (lambda z: 1 / (1 + z**2),)),
     "arctan2": (
         np.arctan2,
         (lambda z, w: w / (z**2 + w**2), lambda z, w: -z / (z**2 + w**2)),
@@ -86,7 +87,7 @@ _GRAMMAR = "numbers, names, + - * / ** ( ) and function calls"
 
 @dataclass(frozen=True)
 class _Moving:
-    """A value and its derivative along t; None where t does not enter, for 0 times infinity would be nan."""
+    """A value and its derivative; None where there is none to enter: 0 times infinity would be nan."""
 
     value: Any
     rate: Any = None
@@ -136,9 +137,9 @@ class Expression:
     """A formula in named variables, applied elementwise to arrays.
 
     Valid are numbers, `pi`, the given variables, + - * / **, parentheses and the functions sin, cos, tan,
-    exp, log, sqrt, abs, sinh, cosh, tanh, arctan, arctan2(y, x), minimum, maximum, heaviside(z) (1/2 at
-    z = 0) and J(m, z), the Bessel function of the first kind J_m(z), m a whole number written out.  Length,
-    depth and the number of functions and powers are bounded, and with them time and memory a point.
+    exp, log, sqrt, abs, sinh, cosh, tanh, arctan (or atan), arctan2(y, x), minimum, maximum, heaviside(z)
+    (1/2 at z = 0) and J(m, z), the Bessel function of the first kind J_m(z), m a whole number written out.
+    Length, depth and the number of functions and powers are bounded, and with them time and memory a point.
 
     Attributes
     ----------
@@ -173,21 +174,31 @@ class Expression:
         moving, shape = self._evaluated(values)
         return np.array(np.broadcast_to(moving.value, shape))
 
+    def mentions(self, name: str) -> bool:
+        """Whether a variable stands in the formula."""
+        return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(self._tree))
+
     def rate(self, **values: ArrayLike) -> Array:
-        """Return the derivative along the variable t, exact but for round-off; shape as of the values.
+        """Return the derivative along the variable t, as `slope` does."""
+        return self.slope("t", **values)
+
+    def slope(self, along: str, **values: ArrayLike) -> Array:
+        """Return the derivative along one of the variables, exact but for round-off; shape as of the values.
 
         At a kink it lies between those of the two sides; where it is infinite or has no value so is this.
         """
-        moving, shape = self._evaluated(values)
+        moving, shape = self._evaluated(values, along)
         return np.array(np.broadcast_to(0.0 if moving.rate is None else moving.rate, shape))
 
-    def _evaluated(self, values: Mapping[str, ArrayLike]) -> tuple[_Moving, tuple[int, ...]]:
-        """Value and rate, and the shape they are broadcast to."""
+    def _evaluated(
+        self, values: Mapping[str, ArrayLike], along: str = "t"
+    ) -> tuple[_Moving, tuple[int, ...]]:
+        """Value and derivative along a variable, and the shape they are broadcast to."""
         if set(values) != set(self.variables):
             raise TypeError(f"expected values for {', '.join(self.variables)}, not for {', '.join(values)}")
         arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         names = {
-            name: _Moving(value, 1.0 if name == "t" else None)
+            name: _Moving(value, 1.0 if name == along else None)
             for name, value in (arrays | _CONSTANTS).items()
         }
         with np.errstate(all="ignore"):
@@ -205,6 +216,23 @@ def coordinates(points: Array) -> dict[str, Array]:
     """Name the coordinates of points (2, ...) as formulas do: x, y, r and theta in [-pi, pi], each (...)."""
     x, y = points
     return {"x": x, "y": y, "r": np.hypot(x, y), "theta": np.arctan2(y, x)}
+
+
+def names_in(text: str) -> set[str]:
+    """Return the names of variables in a formula, known or not; ValueError where it is none."""
+    tree = _parse(text)
+    called = {node.func for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node not in called}
+
+
+def same_formula(one: str, other: str) -> bool:
+    """Whether two formulas are written alike but for spaces, brackets that do nothing and atan for arctan."""
+    first, second = (ast.unparse(_parse(text)).replace("arctan(", "atan(") for text in (one, other))
+    return first == second
+
+
+RESERVED = frozenset({*_FUNCTIONS, *_CONSTANTS})
+"""Names that mean something in every formula."""
 
 
 def _parse(text: str) -> ast.expr:

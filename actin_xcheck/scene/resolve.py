@@ -58,10 +58,11 @@ def in_scene_frame(scene: Scene, expression: Expression, x: Array, xi: Array, t:
 
 def starts_from_steady_state(scene: Scene) -> bool:
     """Whether the unperturbed twin is a = 1, u = 0 for ever: not where p != 0 and delta jumps."""
-    uniform = scene.parameters.p == 0 or scene.physics.delta in {Delta.NONE, Delta.FULL}
+    model = scene.physics
+    uniform = not model.sees("delta") or model.delta in {Delta.NONE, Delta.FULL}
     moved = scene.motion is not None or scene.source_term is not None or scene.initial.u is not None
     at_rest = scene.initial.eigenmode is None or str(scene.initial.a).strip() in {"1", "1.0"}
-    return uniform and at_rest and not moved
+    return uniform and at_rest and not moved and model.is_smooth_at_rest
 
 
 def mode_field(scene: Scene, m: int, n: int) -> "Eigenfield":
@@ -152,14 +153,19 @@ def _prescribed(problem: Problem) -> str:
     return "" if problem.motion is None else "the motion is prescribed"
 
 
+def _without(law: str, **changes: Any) -> Callable[[Problem], Problem]:
+    """Drop a law of the scene's own, or the article's by its parameter."""
+    return lambda problem: _model(laws=replace(problem.model.laws, **{law: None}), **changes)(problem)
+
+
 def _at_rest(problem: Problem) -> str:
     """Why nothing moves, or nothing of its own; empty where something does."""
     return _prescribed(problem) or ("nothing moves: ψ = p = 0, u = 0" if not _moves(problem) else "")
 
 
 def _moves(problem: Problem) -> bool:
-    parameters = problem.model.parameters
-    return problem.motion is not None or bool(parameters.psi or parameters.p) or _displaced(problem)
+    model = problem.model
+    return problem.motion is not None or model.contracts or model.pressed or _displaced(problem)
 
 
 def _displaced(problem: Problem) -> bool:
@@ -168,7 +174,7 @@ def _displaced(problem: Problem) -> bool:
 
 
 def _no_pressure(problem: Problem) -> str:
-    return _prescribed(problem) or ("p = 0" if problem.model.parameters.p == 0 else "")
+    return _prescribed(problem) or ("" if problem.model.sees("delta") else "p = 0")
 
 
 def _always(problem: Problem) -> str:
@@ -180,17 +186,17 @@ TERMS = (
         "contraction",
         "∇(ψ a² e^(−a/a_sat))",
         "[parameters] psi = 0",
-        lambda problem: problem.model.parameters.psi != 0,
+        lambda problem: problem.model.contracts,
         _prescribed,
-        _model(psi=0.0),
+        _without("contractility", psi=0.0),
     ),
     Term(
         "pressure",
         "∇(p/(1 + φ) (1 + (2/π) δ arctan a))",
         "[parameters] p = 0",
-        lambda problem: problem.model.parameters.p != 0,
+        lambda problem: problem.model.pressed,
         _prescribed,
-        _model(p=0.0),
+        _without("pressure", p=0.0),
     ),
     Term(
         "the share of polymerisation in the pressure",

@@ -16,6 +16,7 @@ from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import IN_UNITS, UNITS, DimensionalParameters, Parameters
 from actin_xcheck.scene.expression import Expression
+from actin_xcheck.scene.laws import LawsTable, require_values, with_own_parameters
 from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene, varied
 from actin_xcheck.scene.tables import (
     AsPublished,
@@ -76,6 +77,7 @@ class Scene(TomlTable):
     parameters_table: ParametersTable | None = Field(default=None, alias="parameters")
     dimensional: DimensionalTable | None = None
     model: Switches = Switches()
+    laws: LawsTable = LawsTable()
     initial: Initial
     time: Time
     probes: ProbesTable = ProbesTable()
@@ -85,6 +87,11 @@ class Scene(TomlTable):
     expect: Expect = Expect()
     _text: str = PrivateAttr(default="")
     _origin: str = PrivateAttr(default="")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _own_parameters(cls, given: Any) -> Any:
+        return with_own_parameters(given)
 
     @model_validator(mode="after")
     def _has_parameters(self) -> Self:
@@ -116,9 +123,10 @@ class Scene(TomlTable):
 
     @model_validator(mode="after")
     def _formulas_have_values(self) -> Self:
-        p = self.parameters
+        physics = self.physics
+        require_values(physics)
         displaced = bool(self.initial.u or self.initial.eigenmode)
-        rests_until = -1.0 if displaced else self.time.end if p.psi == p.p == 0 else 0.0
+        rests_until = -1.0 if displaced else 0.0 if physics.contracts or physics.pressed else self.time.end
         if self.motion:
             require_motion(self.motion, self.time)
         if term := self.source.a:
@@ -145,9 +153,14 @@ class Scene(TomlTable):
                 raise mistake(f"{key}.n", 1, valid)
             if mode and self.model.closure is not Closure.IRROTATIONAL_WALL:
                 self._rates_can_be_listed(key, mode.m)
-        if (rate or self.initial.eigenmode) and self.parameters.p and self.model.delta not in _CONSTANT:
+        if not (rate or self.initial.eigenmode):
+            return self
+        if self.physics.sees("delta") and self.model.delta not in _CONSTANT:
             valid = f"should be {' or '.join(map(repr, _CONSTANT))} where p != 0 and a mode is given"
             raise mistake("model.delta", str(self.model.delta), valid)
+        if not self.physics.is_smooth_at_rest:
+            valid = "should have slopes at a = 1, phi = 0 where a mode is given: they have a kink there"
+            raise mistake("laws", self.laws.model_dump(exclude_unset=True), valid)
         if rate and not rate.window[0] < rate.window[1] <= self.time.end:
             valid = f"should be [t0, t1] with 0 <= t0 < t1 <= time.end = {self.time.end:g}"
             raise mistake("expect.growth_rate.window", list(rate.window), valid)
@@ -155,16 +168,16 @@ class Scene(TomlTable):
 
     def _rates_can_be_listed(self, key: str, m: int) -> None:
         """The rates of the moving cell are counted one by one, which takes the longer the more there are."""
-        p = self.parameters
+        p, strength = self.parameters, self.physics.strength
         if m == 0 and not self.model.reaction:
             valid = "should be at least 1 where reaction = false, for one rate of m = 0 is 0"
             raise mistake(f"{key}.m", m, valid)
-        if (1 + (p.psi + abs(p.p)) / p.mu) > MOST_UNSTABLE * p.d:
+        if (1 + strength / p.mu) > MOST_UNSTABLE * p.d:
             valid = (
                 f"should be at least (1 + (psi + |p|)/(mu1 + mu2))/{MOST_UNSTABLE:g} where a mode is given"
             )
             raise mistake("parameters.d", p.d, valid)
-        if (1 + p.psi + abs(p.p)) > FASTEST * p.mu1:
+        if (1 + strength) > FASTEST * p.mu1:
             valid = f"should be at least (1 + psi + |p|)/{FASTEST:g} where a mode is given"
             raise mistake("parameters.mu1", p.mu1, valid)
 
@@ -208,7 +221,8 @@ class Scene(TomlTable):
     def physics(self) -> Model:
         """The equations with this scene's parameters and switches."""
         switches = self.model
-        return Model(self.parameters, switches.rheology, switches.closure, switches.delta, switches.reaction)
+        readings = switches.rheology, switches.closure, switches.delta, switches.reaction
+        return Model(self.parameters, *readings, self.laws.laws)
 
     @property
     def output_times(self) -> tuple[float, ...]:

@@ -3,6 +3,7 @@
 import stat
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
@@ -12,6 +13,7 @@ from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.parameters import Closure, Delta, DimensionalParameters, Parameters, Rheology
 
 _SHIPPED = files("actin_xcheck.scene") / "shipped"
+_KNOWN = {one.name for one in fields(Parameters)}
 
 MAX_SIZE = 200_000
 """Bytes of a scene: a hundred times what the shipped ones have; parsing takes up to 2 us each."""
@@ -42,7 +44,7 @@ def listed(name: str) -> Listed:
     parameters = (
         DimensionalParameters(**scene["dimensional"]).non_dimensional()
         if "dimensional" in scene
-        else Parameters(**scene["parameters"])
+        else Parameters(**{"psi": 0, "p": 0} | {k: v for k, v in scene["parameters"].items() if k in _KNOWN})
     )
     rheology, closure, delta = (  # the first of each is the usual one
         switches.get(key, next(iter(kind)))
@@ -51,7 +53,8 @@ def listed(name: str) -> Listed:
     return Listed(
         name,
         source if isinstance(source, str) else source.get("citation", ""),
-        f"psi {parameters.psi:g}, p {parameters.p:g}, {rheology}, {closure}, delta {delta}",
+        f"psi {parameters.psi:g}, p {parameters.p:g}, {rheology}, {closure}, delta {delta}"
+        + "".join(f", {law} {scene['laws'][law]}" for law in scene.get("laws", {}) if law != "parameters"),
     )
 
 

@@ -60,8 +60,8 @@ class _Section:
         p, model, initial = self.scene.parameters, self.scene.model, self.scene.initial
         symbols = {"ψ": p.psi, "p": p.p, "d": p.d, "a_sat": p.a_sat, "μ₁": p.mu1, "μ₂": p.mu2, "ν": p.nu}
         stated = [(symbol, f"{value:.6g}") for symbol, value in symbols.items()]
-        stated += [("ℓ₀", f"{p.l0:g}"), ("rheology", model.rheology), ("closure", model.closure)]
-        stated += [("δ", model.delta), ("a(t = 0)", str(initial.a))]
+        stated += [*self.scene.laws.stated.items(), ("ℓ₀", f"{p.l0:g}"), ("rheology", model.rheology)]
+        stated += [("closure", model.closure), ("δ", model.delta), ("a(t = 0)", str(initial.a))]
         if initial.u:
             stated.append(("u(t = 0)", ", ".join(map(str, initial.u))))
         if mode := initial.eigenmode:

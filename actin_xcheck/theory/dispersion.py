@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import j0, jnp_zeros, jv, jvp, yvp
 
-from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
+from actin_xcheck.core.model import Array, Closure, Delta, Laws, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 
 
@@ -192,8 +192,10 @@ def _constant_delta(model: Model) -> float:
     """Delta as a number; ValueError where it varies in space and matters."""
     if model.delta is Delta.FULL:
         return 1.0
-    if model.delta is Delta.NONE or model.parameters.p == 0:
+    if model.delta is Delta.NONE or not model.sees("delta"):
         return 0.0
+    if model.laws.pressure is not None:
+        raise ValueError(f"linear theory takes delta constant: '{model.delta}' varies, as the pressure does")
     raise ValueError(
         f"linear theory takes delta constant where p != 0 (p = {model.parameters.p:g}): "
         f"'{model.delta}' varies in space, valid are '{Delta.NONE}' and '{Delta.FULL}'"
@@ -205,6 +207,8 @@ def active_slope(model: Model, version: Version = Version.CORRECTED) -> float:
 
     Raises ValueError unless delta is constant.
     """
+    if model.laws != Laws():
+        return _own_slopes(model)[0]
     slope = 1 / np.pi if version is Version.CORRECTED else 2 / np.pi
     return float(sigma_prime(model.parameters) + slope * model.parameters.p * _constant_delta(model))
 
@@ -217,8 +221,19 @@ def stiffness(model: Model, version: Version = Version.CORRECTED) -> float:
     delta = _constant_delta(model)
     if model.rheology is Rheology.VISCOUS:
         return 0.0
+    if model.laws != Laws():
+        return 1 + model.parameters.nu_prime + _own_slopes(model)[1]
     share = 1 + delta / 2 if version is Version.CORRECTED else 1.0
     return 1 + model.parameters.nu_prime - model.parameters.p * share
+
+
+def _own_slopes(model: Model) -> tuple[float, float]:
+    """f' and -p_e of laws of one's own; ValueError where they have a kink."""
+    if not model.is_smooth_at_rest:
+        raise ValueError(
+            "linear theory takes laws that have a slope at a = 1, phi = 0: these have a kink there"
+        )
+    return model.slopes(delta=_constant_delta(model))
 
 
 def coefficients(model: Model, k2: ArrayLike, version: Version = Version.CORRECTED) -> tuple[Array, Array]:

@@ -74,7 +74,7 @@ class DiskModes:
         if self.model.rheology is Rheology.VISCOUS:
             return {}
         points = {"-(1 + nu' - p_e)/mu": -stiffness(self.model) / p.mu, "-1/mu1": -1 / p.mu1}
-        if closure in {Closure.REFERENCE_NORMAL, Closure.CURRENT_NORMAL} and p.p != 0:
+        if closure in {Closure.REFERENCE_NORMAL, Closure.CURRENT_NORMAL} and self.model.sees("phi"):
             points["-(1 + nu')/mu"] = -(1 + p.nu_prime) / p.mu
         if closure is Closure.TRACTION_FREE:
             points["-(1/2 + nu')/(mu1/2 + mu2)"] = -(0.5 + p.nu_prime) / (p.mu1 / 2 + p.mu2)
@@ -170,7 +170,8 @@ class DiskModes:
         middle meets the real axis.
         """
         p = self.model.parameters
-        force = abs(active_slope(self.model)) + 1 + p.nu_prime + 1.5 * abs(p.p)
+        pressure = 1.5 * abs(p.p) if self.model.laws.pressure is None else self.model.strength
+        force = abs(active_slope(self.model)) + 1 + p.nu_prime + pressure
         reach = factor * 2 * (force / (p.mu1 / 2) + 1 + abs(above))
         return above, reach, -reach, 1.0000003 * reach
 

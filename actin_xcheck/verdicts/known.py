@@ -98,7 +98,8 @@ def _beyond_linear(scene: Scene, rate: complex) -> float:
 def _exact(scene: Scene, quantity: str, t: float) -> Known | None:
     """From `[expect.exact]`, where it is also known how the material points move."""
     expected = scene.expect.exact
-    at_rest = scene.parameters.psi == scene.parameters.p == 0 and scene.initial.u is None
+    active = scene.physics.contracts or scene.physics.pressed
+    at_rest = not active and scene.initial.u is None
     if expected is None or not (scene.motion or at_rest):
         return None
 

@@ -250,7 +250,7 @@ def _starts_smoothly(scene: Scene) -> bool:
     too, and continuous across the ring where d [Delta a] = a [div v] = -a [f]/mu.
     """
     model, p = scene.physics, scene.parameters
-    if model.delta is not Delta.RING or p.psi or scene.initial.u or scene.initial.eigenmode:
+    if model.delta is not Delta.RING or model.contracts or scene.initial.u or scene.initial.eigenmode:
         return False
     beyond = np.linspace(p.l0, 1, 9)[:, None] * _OUTWARD[:, None]
     values = scene.initial.a(**coordinates(beyond))

@@ -207,7 +207,7 @@ def _measured(scene: Scene, refined: Refined) -> list[tuple[Quantity, TruthKind]
     if refined is Refined.DT:
         if expect.growth_rate:
             return [(Quantity.AMPLITUDE, TruthKind.RICHARDSON)]
-        moves = scene.motion is None and scene.parameters.psi + abs(scene.parameters.p) > 0
+        moves = scene.motion is None and (scene.physics.contracts or scene.physics.pressed)
         quantities = (Quantity.CONCENTRATION, *((Quantity.AREA,) if moves else ()))
         return [(quantity, TruthKind.RICHARDSON) for quantity in quantities]
     if expect.exact:

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from actin_xcheck.core.errors import UserError
+from actin_xcheck.core.model import Laws
 from actin_xcheck.runs.method import Method, find_method
 from actin_xcheck.runs.numerics import Numerics, seconds_of
 from actin_xcheck.scene.scene import Scene
@@ -182,6 +183,11 @@ def check(scene: Scene) -> None:
         why, valid = "moves as prescribed, whatever psi is", "a scene whose force balance moves the cell"
     elif scene.initial.eigenmode is not None:
         why, valid = "starts on a mode, another one at every psi", "a scene that writes out its initial a"
+    elif scene.laws.laws != Laws():
+        why, valid = (
+            "has laws of its own",
+            "a scene with the article's, of which planes of psi and p are drawn",
+        )
     elif scene.parameters.psi <= 0:
         why, valid = "has no contractility to scale its time by", "a scene with psi > 0"
     else:

@@ -1,0 +1,113 @@
+"""`[laws]`: constitutive laws of a scene's own, in place of the article's, with parameters of their own."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Any, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from actin_xcheck.core.model import ARGUMENTS, ARTICLE, Laws, Model
+from actin_xcheck.core.parameters import Parameters
+from actin_xcheck.scene.expression import RESERVED, Expression, names_in, same_formula
+from actin_xcheck.scene.tables import Group, TomlTable, mistake
+
+KNOWN = tuple(one.name for one in fields(Parameters))
+"""Parameters that every law may use."""
+
+RANGES = {
+    "a": np.append(np.geomspace(1e-3, 20, 41), 1.0)[:, None, None],
+    "phi": np.linspace(-0.9, 3, 40)[:, None],
+    "delta": np.array([0.0, 1.0]),
+}
+"""Where a law must have values: what is beyond ends a run."""
+
+
+class LawsTable(TomlTable):
+    """`[laws]`: formulas in `ARGUMENTS` and in parameters, and those that no other table has."""
+
+    contractility: str | None = None
+    pressure: str | None = None
+    parameters: dict[str, Group] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _are_formulas(self) -> Self:
+        given = {law: text for law in ARTICLE if (text := getattr(self, law)) is not None}
+        for name in self.parameters:
+            if name in {*RESERVED, *KNOWN, *RANGES} or not name.isidentifier():
+                raise mistake(f"parameters.{name}", self.parameters[name], "should have a name of its own")
+        for law, text in given.items():
+            try:
+                self._expression(law, text)
+            except ValueError as error:
+                raise mistake(law, text, f"{error}; others are to be given under [parameters]") from None
+        used = {name for text in given.values() for name in names_in(text)}
+        if unused := sorted(self.parameters.keys() - used):
+            raise mistake(
+                f"parameters.{unused[0]}",
+                self.parameters[unused[0]],
+                f"should be in a law, or is none of {', '.join(KNOWN)}",
+            )
+        return self
+
+    @property
+    def laws(self) -> Laws:
+        """The laws that differ from the article's."""
+        own = {
+            law: self._expression(law, text)
+            for law, article in ARTICLE.items()
+            if (text := getattr(self, law)) is not None and not same_formula(text, article)
+        }
+        return Laws(**own, own=tuple(self.parameters.items()) if own else ())
+
+    @property
+    def stated(self) -> dict[str, str]:
+        """What the table says, in words."""
+        laws = {law: text for law in ARTICLE if (text := getattr(self, law)) is not None}
+        return laws | {name: f"{value:g}" for name, value in self.parameters.items()}
+
+    def _expression(self, law: str, text: str) -> Expression:
+        return _expression(text, (*ARGUMENTS[law], *KNOWN, *self.parameters))
+
+
+@cache
+def _expression(text: str, variables: tuple[str, ...]) -> Expression:
+    return Expression(text, variables)
+
+
+def require_values(model: Model) -> None:
+    """Raise unless laws of one's own have finite values in `RANGES`."""
+    for law in ARTICLE:
+        formula = getattr(model.laws, law)
+        if formula is None:
+            continue
+        at = [RANGES[name] for name in ARGUMENTS[law]]
+        values, *places = np.broadcast_arrays(getattr(model, law)(*at), *at)
+        good = np.abs(values) <= 1e12
+        if not good.all():
+            worst = np.unravel_index(int(np.argmin(good)), good.shape)
+            where = ", ".join(
+                f"{name} = {place[worst]:.4g}" for name, place in zip(ARGUMENTS[law], places, strict=True)
+            )
+            valid = "should be finite and at most 1e12 for a from 0.001 to 20 and phi from -0.9 to 3"
+            raise mistake(f"laws.{law}", str(formula), f"{valid}, but is {values[worst]:.4g} at {where}")
+
+
+def with_own_parameters(given: Any) -> Any:
+    """Return a scene's table with what is no parameter of the article's moved to [laws.parameters].
+
+    psi and p, which laws of one's own need not use, are 0 where they are not given.
+    """
+    if not (isinstance(given, Mapping) and isinstance(laws := given.get("laws"), Mapping)):
+        return given
+    parameters = given.get("parameters", {})
+    if not isinstance(parameters, Mapping) or "dimensional" in given:
+        return given
+    own = {name: value for name, value in parameters.items() if name not in KNOWN}
+    unused = {key: 0 for key, law in (("psi", "contractility"), ("p", "pressure")) if law in laws}
+    kept = {name: value for name, value in parameters.items() if name not in own}
+    within = laws.get("parameters", {})
+    if isinstance(within, Mapping):
+        within = {**own, **within}
+    return {**given, "parameters": {**unused, **kept}, "laws": {**laws, "parameters": within}}
