@@ -155,7 +155,8 @@ def _prescribed(problem: Problem) -> str:
 
 def _without(law: str, **changes: Any) -> Callable[[Problem], Problem]:
     """Drop a law of the scene's own, or the article's by its parameter."""
-    return lambda problem: _model(laws=replace(problem.model.laws, **{law: None}), **changes)(problem)
+    dropped: dict[str, Any] = {law: None}
+    return lambda problem: _model(laws=replace(problem.model.laws, **dropped), **changes)(problem)
 
 
 def _at_rest(problem: Problem) -> str:
