@@ -124,7 +124,7 @@ class Model:
         return float(np.abs(self.slopes(delta=1.0)).sum())
 
     def slopes(self, a: float = 1.0, phi: float = 0.0, delta: float | None = None) -> tuple[float, float]:
-        """df/da, df/dphi, exact to round-off, for constant delta, this one if none is given: f', -p_e at rest."""
+        """df/da, df/dphi, exact to round-off: f', -p_e at rest; for constant delta, its own unless given."""
         delta = float(self.delta is Delta.FULL) if delta is None else delta
         if self.laws == Laws():
             return self._steps(self.active_stress, a, phi, delta)
