@@ -7,7 +7,7 @@ import pytest
 
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.model import ARGUMENTS, ARTICLE, Laws, Model
-from actin_xcheck.core.parameters import Closure, Fidelity, Parameters
+from actin_xcheck.core.parameters import Closure, Delta, Fidelity, Parameters
 from actin_xcheck.runs.fidelity import FULL, reduced
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
@@ -148,6 +148,17 @@ def test_a_pressure_of_ones_own_ends_runs_where_it_has_no_value(method):
     assert play(other, method, 2, 0.01).last.t == 0.01
 
 
+@pytest.mark.parametrize("method", ["fem-p1-paper", "fem-p3-imex4", "fv", "fv-paper"])
+def test_kinetics_of_ones_own_relax_at_their_rate(method):
+    """Uniform at rest: a - 1 = (a_0 - 1) exp(-k t), by both codes and orders; linear theory says k, too."""
+    scene = scene_of("psi = 0\np = 0\nfast = 3.0", "2", 0.1, '[laws]\nkinetics = "fast*(1 - a)"\n')
+    assert scene.physics.reaction_rate() == 3
+    assert growth_rate(scene.physics.varied(closure=Closure.IRROTATIONAL_WALL, delta=Delta.NONE), 0, 1) == -3
+    film = play(scene, method, 2, 0.001)
+    assert film.last.a == pytest.approx(1 + np.exp(-0.3), rel=6e-4)
+    assert film.residual < 1e-12
+
+
 def test_dropping_a_term_drops_its_law():
     problem = resolve(own_laws())
     contraction, pressure = TERMS[:2]
@@ -165,6 +176,9 @@ def test_dropping_a_term_drops_its_law():
         ({"laws.pressure": "stiff*__import__('os')"}, "laws.pressure = .*unknown function __import__"),
         ({"laws.pressure": "stiff/(a - 1)"}, "laws.pressure = .*should be finite .* but is"),
         ({"laws.pressure": 3}, "laws.pressure = 3: should be a valid string"),
+        ({"laws.kinetics": "a*(1 - a)"}, "laws.kinetics = .*should be linear in a, 0 at a = 1"),
+        ({"laws.kinetics": "2 - a"}, "laws.kinetics = '2 - a': should be linear in a, 0 at a = 1"),
+        ({"laws.kinetics": "a - 1"}, "laws.kinetics = 'a - 1': should be linear .* falling"),
         ({"laws.friction": "a"}, "unknown key laws.friction; valid keys are contractility, pressure"),
         ({"parameters.spare": 1.0}, "laws.parameters.spare = 1.0: should be in a law"),
         ({"laws.parameters": {"spare": 1.0}}, "laws.parameters.spare = 1.0: should be in a law"),

@@ -1,7 +1,7 @@
 import pickle
 import re
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +195,37 @@ def test_groups_are_echoed_and_slips_of_units_are_warned_of(given, far, capsys):
     assert first.startswith("mine: [dimensional] makes psi = 22.43, p = 0.26, d = ")
     assert [line.split("; ")[0] for line in warnings] == [f"warning: mine: {one}" for one in far]
     assert all("D_a (cm^2/s)" in line and "L (cm)" in line for line in warnings)
+
+
+def test_quantities_have_units_of_their_own(capsys):
+    """Each in the units that its measurement has; the numbers are those of Table 1's units."""
+    units = {"psi": "6.9 kPa", "p": "80Pa", "E": "0.4 kPa", "D_a": "0.016 µm²/s", "k_a": "66/s", "L": "10 µm"}
+    units |= {"mu1": "9.615 Pa s", "mu2": "25 Pa*s"}
+    bare = parse_scene(TABLE_1, "mine.toml")
+    written = bare.varied({f"dimensional.{key}": value for key, value in units.items()})
+    for name, value in asdict(bare.parameters).items():
+        assert getattr(written.parameters, name) == pytest.approx(value, rel=1e-14)
+    warn_of(written)
+    assert capsys.readouterr().err.splitlines()[0].endswith("(3.1); t = 1 is 15.15 ms, x = 1 is 10 µm")
+
+
+@pytest.mark.parametrize(
+    ("key", "given"),
+    [
+        ("psi", "6.9 kg"),
+        ("E", "4 stone/acre/"),
+        ("E", "2**9**9 Pa"),
+        ("L", "10 __import__"),
+        ("L", "ten µm"),
+        ("k_a", "66 s"),
+        ("a_sat", "1.4 Pa"),
+        ("nu", "30 percent"),
+    ],
+)
+def test_units_of_another_kind_are_refused_in_a_line(key, given):
+    message = rf"^mine.toml: dimensional.{key} = '.*': should be a number.*, in {re.escape(UNITS[key])}$"
+    with pytest.raises(UserError, match=message):
+        parse_scene(TABLE_1, "mine.toml").varied({f"dimensional.{key}": given})
 
 
 def test_what_is_non_dimensional_already_is_not_echoed(capsys):

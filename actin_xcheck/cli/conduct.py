@@ -290,7 +290,7 @@ def warn_of(scene: "Scene") -> None:
         print(f"warning: {scene.name}: {caveat}", file=sys.stderr)
     if scene.dimensional:
         groups = ", ".join(f"{name} = {value:.4g}" for name, value in asdict(scene.parameters).items())
-        print(f"{scene.name}: [dimensional] makes {groups} (3.1)", file=sys.stderr)
+        print(f"{scene.name}: [dimensional] makes {groups} (3.1); {scene.scales}", file=sys.stderr)
         for sentence in far_from_the_article(scene.parameters):
             print(f"warning: {scene.name}: {sentence}; {IN_UNITS}", file=sys.stderr)
 

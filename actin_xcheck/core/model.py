@@ -21,10 +21,11 @@ Array = NDArray[np.float64]
 ARTICLE = {
     "contractility": "psi*a**2*exp(-a/a_sat)",
     "pressure": "p/(1+phi)*(1+2/pi*delta*arctan(a))",
+    "kinetics": "1-a",
 }
-"""The laws (2.2) and (2.5) as a scene writes them."""
+"""The laws (2.2), (2.5) and that of (2.1b) as a scene writes them."""
 
-ARGUMENTS = {"contractility": ("a",), "pressure": ("a", "phi", "delta")}
+ARGUMENTS = {"contractility": ("a",), "pressure": ("a", "phi", "delta"), "kinetics": ("a",)}
 """What each law is a function of, beside the parameters."""
 
 NEAR_REST = 1e-6
@@ -50,6 +51,7 @@ class Laws:
 
     contractility: Law | None = None
     pressure: Law | None = None
+    kinetics: Law | None = None
     own: tuple[tuple[str, float], ...] = ()
 
 
@@ -196,8 +198,12 @@ class Model:
         return elastic and self.closure is not Closure.IRROTATIONAL_WALL
 
     def reaction_rate(self) -> float:
-        """k_a in units of (3.1): 1, or 0 where the scene switches polymerisation off."""
-        return 1.0 if self.reaction else 0.0
+        """k_a in units of (3.1): 1 or what the scene's kinetics have, 0 where it switches them off."""
+        if not self.reaction:
+            return 0.0
+        return (
+            1.0 if self.laws.kinetics is None else -float(self.laws.kinetics.slope("a", **self._known, a=1.0))
+        )
 
     def delta_on_cells(self, xi: Array) -> Array:
         """Delta on cells whose centroids were at xi, shape (2, n): shape (n,) of zeros and ones."""

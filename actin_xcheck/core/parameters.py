@@ -3,6 +3,7 @@
 Nothing else is imported here: a command's help needs no more.
 """
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -106,6 +107,11 @@ class DimensionalParameters:
     a_c: float = 1.0
     L: float = 1.0
 
+    @property
+    def scales(self) -> str:
+        """What one unit of time and of length is, in words."""
+        return f"t = 1 is {engineering(1 / self.k_a, 's')}, x = 1 is {engineering(self.L / 100, 'm')}"
+
     def non_dimensional(self) -> Parameters:
         """Return the groups of (3.1), stresses measured in E / (1 + nu)."""
         stress = self.E / (1 + self.nu)
@@ -119,6 +125,12 @@ class DimensionalParameters:
             nu=self.nu,
             l0=self.l0,
         )
+
+
+def engineering(value: float, unit: str) -> str:
+    """Return a positive quantity with the prefix that suits it: 0.015 s is "15 ms"."""
+    thousands = min(max(math.floor(math.log10(value) / 3 + 1e-9), -5), 4)
+    return f"{value / 1000.0**thousands:.4g} {'fpnµm kMGT'[thousands + 5].strip()}{unit}"
 
 
 class Rheology(StrEnum):

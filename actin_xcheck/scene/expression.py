@@ -178,6 +178,10 @@ class Expression:
         """Whether a variable stands in the formula."""
         return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(self._tree))
 
+    def degree_in(self, name: str) -> int:
+        """Return 0 where the formula does not depend on a variable, 1 where it does linearly, else 2."""
+        return _degree(self._tree, name)
+
     def rate(self, **values: ArrayLike) -> Array:
         """Return the derivative along the variable t, as `slope` does."""
         return self.slope("t", **values)
@@ -216,6 +220,25 @@ def coordinates(points: Array) -> dict[str, Array]:
     """Name the coordinates of points (2, ...) as formulas do: x, y, r and theta in [-pi, pi], each (...)."""
     x, y = points
     return {"x": x, "y": y, "r": np.hypot(x, y), "theta": np.arctan2(y, x)}
+
+
+def _degree(node: ast.expr, name: str) -> int:
+    """Of a checked tree in a variable, as far as it can be read off; 2 stands for all that is not linear."""
+    match node:
+        case ast.Name(id=other):
+            return int(other == name)
+        case ast.UnaryOp(operand=operand):
+            return _degree(operand, name)
+        case ast.BinOp(left=left, op=operator, right=right):
+            first, second = _degree(left, name), _degree(right, name)
+            if isinstance(operator, ast.Add | ast.Sub):
+                return max(first, second)
+            if isinstance(operator, ast.Mult):
+                return min(first + second, 2)
+            return first if isinstance(operator, ast.Div) and not second else 2 * bool(first or second)
+        case ast.Call(args=arguments):
+            return 2 * any(_degree(one, name) for one in arguments)
+    return 0
 
 
 def names_in(text: str) -> set[str]:

@@ -29,6 +29,7 @@ class LawsTable(TomlTable):
 
     contractility: str | None = None
     pressure: str | None = None
+    kinetics: str | None = None
     parameters: dict[str, Group] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -78,7 +79,8 @@ def _expression(text: str, variables: tuple[str, ...]) -> Expression:
 
 def require_values(model: Model) -> None:
     """Raise unless laws of one's own have finite values in `RANGES`."""
-    for law in ARTICLE:
+    _require_decay(model)
+    for law in ("contractility", "pressure"):
         formula = getattr(model.laws, law)
         if formula is None:
             continue
@@ -92,6 +94,19 @@ def require_values(model: Model) -> None:
             )
             valid = "should be finite and at most 1e12 for a from 0.001 to 20 and phi from -0.9 to 3"
             raise mistake(f"laws.{law}", str(formula), f"{valid}, but is {values[worst]:.4g} at {where}")
+
+
+def _require_decay(model: Model) -> None:
+    """Raise unless kinetics are k (1 - a), k >= 0: what both codes take implicitly, and a = 1 is at rest."""
+    formula = model.laws.kinetics
+    if formula is None:
+        return
+    known = vars(model.parameters) | dict(model.laws.own)
+    at_rest, rate = float(formula(**known, a=1.0)), -float(formula.slope("a", **known, a=1.0))
+    linear = isinstance(formula, Expression) and formula.degree_in("a") == 1
+    if not (linear and 0 <= rate <= 1e6 and abs(at_rest) <= 1e-14 * rate):
+        valid = "should be linear in a, 0 at a = 1 and falling, as k*(1 - a), with k at most 1e6"
+        raise mistake("laws.kinetics", str(formula), valid)
 
 
 def with_own_parameters(given: Any) -> Any:

@@ -15,12 +15,12 @@ from pydantic_core import ErrorDetails
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import IN_UNITS, UNITS, DimensionalParameters, Parameters
+from actin_xcheck.scene.dimensional import DimensionalTable
 from actin_xcheck.scene.expression import Expression
 from actin_xcheck.scene.laws import LawsTable, require_values, with_own_parameters
 from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene, varied
 from actin_xcheck.scene.tables import (
     AsPublished,
-    DimensionalTable,
     Domain,
     Expect,
     Initial,
@@ -123,8 +123,7 @@ class Scene(TomlTable):
 
     @model_validator(mode="after")
     def _formulas_have_values(self) -> Self:
-        physics = self.physics
-        require_values(physics)
+        require_values(physics := self.physics)
         displaced = bool(self.initial.u or self.initial.eigenmode)
         rests_until = -1.0 if displaced else 0.0 if physics.contracts or physics.pressed else self.time.end
         if self.motion:
@@ -160,7 +159,7 @@ class Scene(TomlTable):
             raise mistake("model.delta", str(self.model.delta), valid)
         if not self.physics.is_smooth_at_rest:
             valid = "should have slopes at a = 1, phi = 0 where a mode is given: they have a kink there"
-            raise mistake("laws", self.laws.model_dump(exclude_unset=True), valid)
+            raise mistake("laws", self.laws.stated, valid)
         if rate and not rate.window[0] < rate.window[1] <= self.time.end:
             valid = f"should be [t0, t1] with 0 <= t0 < t1 <= time.end = {self.time.end:g}"
             raise mistake("expect.growth_rate.window", list(rate.window), valid)
@@ -173,9 +172,7 @@ class Scene(TomlTable):
             valid = "should be at least 1 where reaction = false, for one rate of m = 0 is 0"
             raise mistake(f"{key}.m", m, valid)
         if (1 + strength / p.mu) > MOST_UNSTABLE * p.d:
-            valid = (
-                f"should be at least (1 + (psi + |p|)/(mu1 + mu2))/{MOST_UNSTABLE:g} where a mode is given"
-            )
+            valid = f"should be at least (1 + (psi + |p|)/mu)/{MOST_UNSTABLE:g} where a mode is given"
             raise mistake("parameters.d", p.d, valid)
         if (1 + strength) > FASTEST * p.mu1:
             valid = f"should be at least (1 + psi + |p|)/{FASTEST:g} where a mode is given"
@@ -218,11 +215,16 @@ class Scene(TomlTable):
         return Parameters(**self.parameters_table.model_dump())
 
     @property
+    def scales(self) -> str:
+        """What t = 1 and x = 1 are, in words; empty where nothing says so."""
+        return DimensionalParameters(**self.dimensional.model_dump()).scales if self.dimensional else ""
+
+    @property
     def physics(self) -> Model:
         """The equations with this scene's parameters and switches."""
-        switches = self.model
-        readings = switches.rheology, switches.closure, switches.delta, switches.reaction
-        return Model(self.parameters, *readings, self.laws.laws)
+        readings = self.model
+        rheology, closure, delta = readings.rheology, readings.closure, readings.delta
+        return Model(self.parameters, rheology, closure, delta, readings.reaction, self.laws.laws)
 
     @property
     def output_times(self) -> tuple[float, ...]:

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
-from actin_xcheck.core.parameters import DimensionalParameters, Parameters
+from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.scene.expression import Expression, coordinates
 
 MOST = 1000
@@ -183,23 +183,6 @@ class ParametersTable(TomlTable):
     mu2: NonNegativeGroup = Parameters.mu2
     nu: Poisson = Parameters.nu
     l0: Fraction = Parameters.l0
-
-
-class DimensionalTable(TomlTable):
-    """`[dimensional]`: `parameters.UNITS` and defaults of Table 1."""
-
-    psi: NonNegative
-    p: float
-    E: Positive = DimensionalParameters.E
-    nu: Poisson = DimensionalParameters.nu
-    D_a: NonNegative = DimensionalParameters.D_a
-    k_a: Positive = DimensionalParameters.k_a
-    a_sat: Positive = DimensionalParameters.a_sat
-    mu1: Positive = DimensionalParameters.mu1
-    mu2: NonNegative = DimensionalParameters.mu2
-    l0: Fraction = DimensionalParameters.l0
-    a_c: Positive = DimensionalParameters.a_c
-    L: Positive = DimensionalParameters.L
 
 
 class Switches(TomlTable):

@@ -72,6 +72,7 @@ class _Section:
             stated.append(("source of a", str(self.scene.source_term)))
         if not model.reaction:
             stated.append(("reaction", "off"))
+        stated += [("scales", self.scene.scales)] if self.scene.scales else []
         return [*stated, ("t end", f"{self.scene.time.end:g}")]
 
 

@@ -274,7 +274,8 @@ def _of_series(
     if len(best.times) < DENSE:
         return
     if {*INTEGRALS} <= best.columns.keys() and not scene.source_term:
-        made = "obeys its balance, d/dt = area less total actin" if scene.model.reaction else "is conserved"
+        gained = "obeys its balance, d/dt = area less total actin"
+        made = gained if scene.physics.reaction_rate() else "is conserved"
         note = "relative, by the trapezoidal rule over the rows"
         value = _balance(scene, best)
         yield ClaimKind.CONSERVATION, "total_actin", f"total actin {made}", value, within, note
@@ -289,7 +290,7 @@ def _balance(scene: Scene, one: Theirs) -> float:
     )
     made = np.zeros_like(t)
     if scene.model.reaction:
-        rate = area - actin
+        rate = scene.physics.reaction_rate() * (area - actin)
         made[1:] = np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t))
     return float(np.abs((actin - actin[0] - made) / actin).max())
 
