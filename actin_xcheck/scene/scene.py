@@ -172,8 +172,8 @@ class Scene(TomlTable):
             valid = "should be at least 1 where reaction = false, for one rate of m = 0 is 0"
             raise mistake(f"{key}.m", m, valid)
         if (1 + strength / p.mu) > MOST_UNSTABLE * p.d:
-            valid = f"should be at least (1 + (psi + |p|)/mu)/{MOST_UNSTABLE:g} where a mode is given"
-            raise mistake("parameters.d", p.d, valid)
+            least = f"(1 + (psi + |p|)/(mu1 + mu2))/{MOST_UNSTABLE:g}"
+            raise mistake("parameters.d", p.d, f"should be at least {least} where a mode is given")
         if (1 + strength) > FASTEST * p.mu1:
             valid = f"should be at least (1 + psi + |p|)/{FASTEST:g} where a mode is given"
             raise mistake("parameters.mu1", p.mu1, valid)
