@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from actin_xcheck.runs import accuracy
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.scene.scene import load_scene
@@ -17,6 +18,14 @@ from actin_xcheck.studies.coverage import (
     coverage,
     drawn,
     true,
+)
+from actin_xcheck.studies.deliveries import (
+    AskedDeliveries,
+    Deliveries,
+    Delivery,
+    claims_of,
+    delivered,
+    deliveries,
 )
 from actin_xcheck.studies.stored import Stored
 from actin_xcheck.studies.study import answered
@@ -89,3 +98,41 @@ def test_a_scene_whose_numbers_nobody_knows_is_held_against_a_run(tmp_path: Path
     triplets = climb(ladder, tmp_path).triplets
     assert {one.quantity for one in triplets} >= {"area", "total_actin"}
     assert np.mean([one.covered for one in triplets]) > 0.9
+
+
+def delivery(error: float, estimate: float, known_to: float = 0.0) -> Delivery:
+    return Delivery("s", 1e-3, "completed", "fem-p7-imex5", 1, 1e-4, estimate, error, known_to, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("errors", "failing"),
+    [
+        ([(2e-4, 5e-4), (1e-5, 3e-5)], set()),
+        ([(6e-4, 5e-4)], {"flattered"}),
+        ([(1e-3, 1.1e-3)], {"missed"}),  # out of reach, and said to be
+        ([(1e-5, 9e-4)], {"generous"}),
+    ],
+)
+def test_what_an_accuracy_delivers_is_judged(errors, failing):
+    rows = [
+        *(delivery(*one) for one in errors),
+        delivery(5e-4, 1e-4, known_to=1e-3),
+        delivery(np.nan, np.nan),
+    ]
+    report = answered(
+        deliveries([load_scene("mode-11-wall")], [1e-3], "coverage"),
+        lambda tasks: [Deliveries(tuple(rows))] * len(tasks),
+    )
+    assert {claim.quantity for claim in report.claims if not claim.holds} == failing
+    assert f"of {len(errors)} accuracies" in report.title
+
+
+def test_a_mode_is_delivered_as_asked_and_a_loose_climb_is_seen(tmp_path: Path, monkeypatch):
+    asked = AskedDeliveries(load_scene("mode-11-wall"), (1e-2, 1e-3))
+    found = delivered(asked, tmp_path).rows
+    assert all(claim.holds for claim in claims_of(found, "coverage") if claim.quantity != "generous")
+    assert [row.accuracy for row in found] == [1e-2, 1e-3]
+    monkeypatch.setattr(accuracy, "OF_A_STEP", 1e-6)
+    monkeypatch.setattr(accuracy, "BOTH", 1e-3)
+    loose = delivered(asked, tmp_path).rows
+    assert "flattered" in {claim.quantity for claim in claims_of(loose, "coverage") if not claim.holds}

@@ -254,6 +254,7 @@ Accuracy = Annotated[
 Rtol = Annotated[
     float | None, typer.Option(help="Let adaptive methods choose steps with this local error.", min=1e-13)
 ]
+Seed = Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing output.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on one line.")]

@@ -23,6 +23,7 @@ from actin_xcheck.cli.conduct import (
     Scenes,
     SceneWord,
     Scheduler,
+    Seed,
     check_step,
     command,
     each,
@@ -55,14 +56,13 @@ def compare(
     Fig. 14, and two cells with no parameter of Table 2.  Default methods: elements and finite volumes, each
     with a force balance of its own, of second order, and in the article's scheme for scenes of the article.
     Where elements and volumes part, the volumes are run with the elements' force balance too: it says whether
-    transport or mechanics is what differs.  With --accuracy each code runs as fine as that needs, elements of
-    its own choice (--method fem), volumes on finer meshes until what they state is no more.  Exit code 0 when
-    all claims hold, 1 when one fails, 2 for a mistake in what was asked.
+    transport or mechanics is what differs.  With --accuracy each code is as fine as that needs.  Exit code 0
+    when all claims hold, 1 when one fails, 2 for a mistake in what was asked.
     """
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.runs.numerics import CHOSEN, Wanted
     from actin_xcheck.scene.scene import load_scenes
-    from actin_xcheck.studies.accurate import others_of
+    from actin_xcheck.studies.accurate import checked
     from actin_xcheck.studies.compare import DEFAULT_SCENES, TO_AN_ACCURACY, compare_to, jobs_of
     from actin_xcheck.studies.compare import compare as study
 
@@ -70,14 +70,12 @@ def compare(
     loaded = load_scenes(scenes or DEFAULT_SCENES)
     if accuracy is not None:
         Wanted(CHOSEN, refine, dt, rtol, accuracy=accuracy)  # refuses what it would choose itself
-        others_of(methods or TO_AN_ACCURACY)
-        for scene in loaded:
-            warn_of(scene)
-        return compare_to(accuracy, loaded, methods or TO_AN_ACCURACY)
-    jobs = jobs_of(loaded, find_methods(methods) if methods else None, refine, dt, rtol)
+        asked = compare_to(accuracy, loaded, checked(methods or TO_AN_ACCURACY))
+    else:
+        asked = study(jobs_of(loaded, find_methods(methods) if methods else None, refine, dt, rtol))
     for scene in loaded:
         warn_of(scene)
-    return study(jobs)
+    return asked
 
 
 @study_command("converge")
@@ -282,9 +280,6 @@ def chart(
     return study(load_scene(scene), chosen, QUICK if quick else WHOLE)
 
 
-Seed = Annotated[int | None, typer.Option(help="Of the draws; default: the date, as 20261130.")]
-
-
 @study_command("random")
 def random(
     seed: Seed = None,
@@ -305,23 +300,31 @@ def random(
 def coverage(
     methods: Methods = None,
     seed: Seed = None,
-    count: Annotated[int, typer.Option(help="Scenes to draw beside those that are known.", min=0)] = 0,
+    count: Annotated[int, typer.Option(help="Scenes to draw beside known ones.", min=0)] = 0,
+    accuracy: Annotated[list[float] | None, typer.Option(help="Is it delivered?  May be repeated.")] = None,
 ) -> "Study":
     """See how often a stated uncertainty covers the true error, and how far it is from it.
 
     Scenes with exact solutions, exact modes and references, and COUNT that are drawn, by every method on a
-    ladder of meshes: some two minutes a scene.  Exit code 1 where more than one in twenty is too small.
+    ladder of meshes, with --accuracy modes and COUNT run to it: some two minutes a scene.  Exit code 1 where
+    more than one in twenty is too small, or an accuracy is not delivered.
     """
     from actin_xcheck.runs.method import find_methods
+    from actin_xcheck.runs.numerics import CHOSEN, Wanted
     from actin_xcheck.runs.numerics import command as typed
     from actin_xcheck.scene.scene import load_scenes
     from actin_xcheck.studies.coverage import KNOWN, STATING, drawn
     from actin_xcheck.studies.coverage import coverage as study
+    from actin_xcheck.studies.deliveries import MODES, deliveries
     from actin_xcheck.studies.random_scenes import seed_of_today
 
     seed = seed_of_today() if seed is None else seed
-    scenes = [*load_scenes(KNOWN), *drawn(seed, count)]
-    return study(scenes, find_methods(methods or STATING), typed("coverage", seed=seed, count=count))
+    for one in accuracy or ():
+        Wanted(methods[0] if methods else CHOSEN, accuracy=one)  # refuses what is none
+    made = typed("coverage", seed=seed, count=count, accuracy=tuple(accuracy or ()))
+    if accuracy:
+        return deliveries([*load_scenes(MODES), *drawn(seed, count)], accuracy, made)
+    return study([*load_scenes(KNOWN), *drawn(seed, count)], find_methods(methods or STATING), made)
 
 
 def sweep_command(

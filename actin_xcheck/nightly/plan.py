@@ -25,6 +25,7 @@ from actin_xcheck.runs.provenance import provenance
 from actin_xcheck.studies.checks import AREA, CURVED, FIELD, FV, IMEX, OWN, PAPER, SUITE, Compared, Studied
 from actin_xcheck.studies.compare import DEFAULT_SCENES
 from actin_xcheck.studies.converge.plan import Refined
+from actin_xcheck.studies.deliveries import DeliveriesOfTheDate
 from actin_xcheck.studies.faults import FAULTS, Check
 from actin_xcheck.studies.random_scenes import OfTheDate
 
@@ -53,6 +54,7 @@ EXTRA: tuple[Check, ...] = (
     # a free viscoelastic rim whose load sees phi: one order less in h than elsewhere
     Studied("fitted-ring-elastic", CURVED, Refined.H, 4, (AREA,)),
     Studied("fitted-ring-elastic", CURVED, Refined.DT, 5, (FIELD, AREA)),
+    DeliveriesOfTheDate(5, (1e-3, 1e-4)),
     *(OfTheDate(first, RANDOM) for first in range(0, 1000, RANDOM)),
 )
 """What a night has time for beyond the quick checks that faults are held against."""
@@ -114,7 +116,7 @@ def _guessed(method: Method) -> float:
 
 def _guess(check: Check) -> float:
     """Seconds, where no night has told: half more than its runs take, and what every check does."""
-    if isinstance(check, OfTheDate):
+    if isinstance(check, OfTheDate | DeliveriesOfTheDate):
         return check.seconds
     if not isinstance(check, Compared):
         return GUESSED

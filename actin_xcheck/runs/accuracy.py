@@ -75,7 +75,7 @@ LEVELS_ON_A_RAY = tuple(
 SMALL = 0.1
 """Of the accuracy asked for, the part that a smaller model may use up."""
 
-IN_TIME = 0.25
+IN_TIME = 0.4
 """Of the accuracy asked for, the part that steps may use up."""
 
 LOOSEST, TIGHTEST, FINER = 3e-4, 1e-13, 0.1

@@ -118,6 +118,12 @@ def stated(asked: AskedError, folder: Path) -> StatedError:
     return StatedError(largest, ended)
 
 
+def checked(methods: Sequence[str]) -> Sequence[str]:
+    """Names of methods that can be asked for an accuracy, as they are; UserError for others."""
+    others_of(methods)
+    return methods
+
+
 def others_of(methods: Sequence[str]) -> list[Method]:
     """The methods that are run level by level; UserError for elements, and for one without an order."""
     found = find_methods([name for name in methods if name != CHOSEN])
