@@ -14,6 +14,7 @@ from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 if TYPE_CHECKING:
     from actin_xcheck.core.model import Model
     from actin_xcheck.studies.study import Study
+    from actin_xcheck.theory.exact import Threshold
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -44,6 +45,12 @@ RheologyOption = Annotated[
 ]
 DeltaOption = Annotated[Delta | None, typer.Option(help="Constant delta, none or full; default: none.")]
 Modes = Annotated[str, typer.Option("--m", help="Angular numbers: 3, or 0:8 (inclusive).")]
+Certify = Annotated[
+    bool,
+    typer.Option(
+        "--certify", help="Prove it in ball arithmetic; needs python-flint, as actin-xcheck[certify] has it."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -62,9 +69,13 @@ def modes_command(
     scene: SceneOption = None,
     m: Modes = "0:8",
     above: Annotated[float, typer.Option(help="Give all rates with a real part above this.")] = 0.0,
+    certify: Certify = False,
     as_json: Json = False,
 ) -> None:
-    """Every growth rate above a bound, per angular number; counted by the argument principle."""
+    """Every growth rate above a bound, per angular number; counted by the argument principle.
+
+    With --certify the list is a theorem, and so is the number from which on no angular number has a mode.
+    """
     from rich.table import Table
 
     from actin_xcheck.cli.conduct import print_table
@@ -74,23 +85,30 @@ def modes_command(
     model = _model(scene, given, closure, rheology, delta)
     if not math.isfinite(above):
         raise UserError(f"--above: {above:g} is no number; valid: a finite number")
-    found = []
-    for number in _numbers(m):
-        try:
-            rates = DiskModes(model, number).rates(above)
-        except (ValueError, ArithmeticError) as error:
-            raise UserError(f"--above: {error}") from None
-        found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
+    found: list[dict[str, float]] = []
+    said: dict[str, int] = {}
+    try:
+        if certify:
+            found, said = _certified(model, _numbers(m), above)
+        else:
+            for number in _numbers(m):
+                rates = DiskModes(model, number).rates(above)
+                found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
+    except (ValueError, ArithmeticError) as error:
+        raise UserError(f"--above: {error}") from None
     if as_json:
-        print(json.dumps({"modes": found, "complete": True, "conditions": _conditions(model)}))
+        print(json.dumps({"modes": found, "complete": True, "conditions": _conditions(model), **said}))
         return
     print(_in_words(_conditions(model)))
+    if certify:
+        print(f"proved: this list is complete; no m from {said['none_from']} on has a rate above {above:g}")
     if not found:
         print(f"no rate above {above:g} for m = {m}")
         return
     table = Table("m", "Re lambda", "Im lambda", box=None)
     for mode in found:
-        table.add_row(str(mode["m"]), f"{mode['re']:.10g}", f"{mode['im']:.10g}")
+        digits = ".12g" if certify else ".10g"
+        table.add_row(str(mode["m"]), f"{mode['re']:{digits}}", f"{mode['im']:{digits}}")
     print_table(table)
 
 
@@ -107,6 +125,7 @@ def threshold_command(
     delta: DeltaOption = None,
     scene: SceneOption = None,
     m: Modes = "0:4",
+    certify: Certify = False,
     as_json: Json = False,
 ) -> None:
     """The smallest psi at which a rate of each angular number reaches Re lambda = 0, and its frequency."""
@@ -119,13 +138,20 @@ def threshold_command(
     model = _model(scene, given, closure, rheology, delta)
     found = [threshold(model, number) for number in _numbers(m)]
     first, conditions = lowest(found), _conditions(model)
+    within = _certified_crossings(model, found) if certify else {}
     del conditions["psi"]  # it is what is sought
     if as_json:
         least = None if first is None else {"m": first.m, "psi": first.psi, "crossing": first.crossing}
-        said = {"thresholds": [vars(one) for one in found], "lowest": least, "conditions": conditions}
+        said = {
+            "thresholds": [vars(one) | within.get(one.m, {}) for one in found],
+            "lowest": least,
+            "conditions": conditions,
+        }
         print(json.dumps(said))
         return
     print(_in_words(conditions))
+    if certify:
+        print("proved: no mode grows 1e-9 below each psi (relative), and at least one 1e-9 above it")
     table = Table("m", "psi", "omega", "", box=None)
     for one in found:
         numbers = ("none", "") if one.psi is None else (f"{one.psi:.10g}", f"{one.omega:.10g}")
@@ -172,6 +198,38 @@ def report() -> "Study":
     from actin_xcheck.studies.theory import atlas
 
     return atlas()
+
+
+def _certified(model: "Model", numbers: range, above: float) -> tuple[list[dict[str, float]], dict[str, int]]:
+    """The modes with the radii of the balls that hold them, and from which m on there is none."""
+    from actin_xcheck.theory.certified import proved
+
+    _need_flint()
+    found, none_from = proved(model, numbers, above)
+    modes = [{"m": one.m, "re": one.rate.real, "im": one.rate.imag, "radius": one.radius} for one in found]
+    return modes, {"none_from": none_from}
+
+
+def _certified_crossings(model: "Model", found: "list[Threshold]") -> dict[int, dict[str, list[float]]]:
+    """Between which psi's a mode of each m crosses, by m; UserError where that is not proved."""
+    from actin_xcheck.theory.certified import crossing
+
+    _need_flint()
+    try:
+        pairs = {one.m: crossing(model, one.m, one.psi) for one in found if one.psi is not None}
+    except (ValueError, ArithmeticError) as error:
+        raise UserError(f"--certify: {error}") from None
+    return {m: {"between": list(pair)} for m, pair in pairs.items()}
+
+
+def _need_flint() -> None:
+    """UserError where there is no ball arithmetic."""
+    from importlib.util import find_spec
+
+    if find_spec("flint") is None:
+        raise UserError(
+            "--certify: python-flint is not installed; valid: pip install 'actin-xcheck[certify]'"
+        )
 
 
 def _model(
