@@ -26,7 +26,7 @@ def make(kind: str, folder: Path) -> Path:
 
 
 def _comparison(folder, monkeypatch):
-    cross_check(["mode-11-wall", "static-decay", "growing-disk"], refine=2, out=folder)
+    cross_check(["mode-11-wall", "growing-disk"], refine=2, out=folder)
 
 
 def _curves(folder, monkeypatch):

@@ -22,15 +22,6 @@ def test_fig14_turned_by_37_degrees_turns_its_result(method):
     assert np.abs(one.a - 1).max() > 0.01
 
 
-def test_fig14_has_the_symmetries_of_its_data():
-    """|sin x sin y| is even in x and y and symmetric in them: centroid at rest, fronts alike."""
-    film = play(load_scene("fig14-four-fronts"), FEM, 4, 0.002)
-    x, rim = film.last.x, film.solver.mesh.rim_nodes
-    radius = np.hypot(*x[:, rim])
-    assert np.allclose(radius, np.roll(radius, rim.size // 4), atol=1e-10)
-    assert np.abs(x[:, rim].mean(axis=1)).max() < 1e-10
-
-
 def test_fem_and_fv_part_on_fig14_by_an_amount_of_second_order_in_h():
     """Both march with (B.23b) in time, so the time step drops out of their difference."""
     scene, differences = load_scene("fig14-four-fronts"), []

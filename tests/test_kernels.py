@@ -23,9 +23,8 @@ from skfem.mapping import MappingIsoparametric
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine
 
-from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.lagrange import HIGHEST, TABLED, lagrange, quadrature
-from actin_xcheck.core.linear import SymmetricSolver, solve
+from actin_xcheck.core.linear import solve
 from actin_xcheck.core.mesh import Symmetry, disk, sector
 from actin_xcheck.core.model import Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
@@ -256,34 +255,6 @@ def test_a_cell_bent_beyond_its_corners_is_on_its_own_side_of_the_ring():
     assert not np.array_equal(balance.delta, np.hypot(*mesh.centroids) > L0)
 
 
-def test_the_solver_is_exact_for_every_pattern_it_dissects():
-    """Refined past several cuts: the multifrontal factorisation solves what SuperLU solves."""
-    space = Space.on(disk(5, L0), 1, L0)
-    x = moved(space.xi)
-    matrix = space.scalars.matrix(space.inside.at(x).mass() + 0.01 * space.gradients.at(x).stiffness())
-    pattern = space.scalars.pattern
-    solver = SymmetricSolver(pattern.rows, pattern.columns, space.parts)
-    assert np.unique(space.parts).size > 30
-    rhs = matrix @ lumpy(x)
-    solution, outcome = solver.solve(matrix, rhs)
-    assert outcome.ok
-    assert np.abs(solution - lumpy(x)).max() < 1e-13
-    assert np.abs(solution - solve(matrix, rhs)[0]).max() < 1e-13
-
-
-def test_an_indefinite_matrix_is_still_solved_and_a_singular_one_reported():
-    matrix = sp.csr_matrix(np.array([[1.0, 2], [2, 1]]))
-    rows, columns = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
-    solver = SymmetricSolver(rows, columns, np.array([0, 0]))
-    solution, outcome = solver.solve(matrix, np.array([1.0, 2]))
-    assert outcome.ok
-    assert np.allclose(matrix @ solution, [1, 2], atol=1e-15)
-    singular = sp.csr_matrix(np.ones((2, 2)))
-    assert solver.solve(singular, np.array([1.0, 2]))[1].ending is Ending.NOT_CONVERGED
-    assert solver.solve(matrix, np.array([np.nan, 1]))[1].ending is Ending.NON_FINITE
-    assert np.array_equal(solver.solve(matrix, np.zeros(2))[0], np.zeros(2))
-
-
 RING = 0.75
 """A ring that every mesh from refinement 2 on has at the same layer, so that meshes refine evenly."""
 LEVELS = {1: (4, 5), 2: (3, 4), 3: (3, 4), 4: (3, 4), 5: (2, 3), 6: (2, 3), 7: (2, 3), 8: (2, 3)}
@@ -353,17 +324,6 @@ def test_the_area_of_the_disk_converges_at_twice_the_order(k):
         return abs(space.inside.at(space.xi).dx.sum() - np.pi)
 
     assert order(k, error, levels=(1, 2)) == pytest.approx(2 * k, abs=0.1)
-
-
-def wave(x):
-    return np.sin(3 * x[0] + 0.5) * np.exp(x[1])
-
-
-@pytest.mark.parametrize("k", EVERY_ORDER)
-def test_smooth_fields_are_interpolated_at_order_k_plus_one(k):
-    assert order(k, lambda space: l2_error(space, wave(space.xi), wave)) == pytest.approx(
-        k + 1, abs=scatter_of(k)
-    )
 
 
 def polished(x):

@@ -13,7 +13,6 @@ import pytest
 from typer.testing import CliRunner
 
 from actin_xcheck.cli import predict
-from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.report.draw import draw
 from actin_xcheck.report.exhibits import (
@@ -209,15 +208,6 @@ def test_maps_are_drawn_where_their_pixels_are():
     lines = [re.sub("<br>| ", "", name) for name in legend]
     assert lines == [name.replace(" ", "") for name in list(colours)[:4]]
     assert list(legend.values()) == list(colours.values())[:4]
-
-
-def test_a_folder_without_a_report_is_the_users_mistake(tmp_path, page):
-    with pytest.raises(UserError, match=r"predict\.h5: no such file"):
-        write_page(tmp_path / "predict.h5")
-    half = page.parent.joinpath("predict.h5").read_bytes()[:3000]
-    (tmp_path / "predict.h5").write_bytes(half)
-    with pytest.raises(UserError, match="not a whole report of a study"):
-        write_page(tmp_path / "predict.h5")
 
 
 def test_threshold_names_the_lowest():

@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import RunWriter, read_run
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.compare import FILE_NAME
+from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints
 from tests.studies import write_comparison
@@ -48,6 +49,8 @@ ANOTHER_STYLE = {
     **{"axes.formatter.use_locale": True, "lines.linewidth": 9, "lines.linestyle": ":"},
 }
 """Of a `matplotlibrc` that someone has for pages of theirs."""
+
+Reported = tuple[Path, Sequence[Claim]]
 
 
 def write_run(
@@ -75,7 +78,7 @@ def write_run(
 
     def cell(t: float) -> tuple[np.ndarray, np.ndarray]:
         x = mesh.xi * (1 + 2 * amplitude * t * r * (1 + 0.5 * np.cos(4 * theta)))
-        return x, 1 + amplitude * 8 * t * r**2 * np.sin(2 * theta) ** 2 + bias * t * np.sin(5 * mesh.xi[0])
+        return x, 1 + amplitude * 8 * t * r**2 * np.sin(2 * theta) ** 2 + bias * t * np.sin(2 * mesh.xi[0])
 
     delta = (np.hypot(*mesh.centroids) > 0.8).astype(float)
     with RunWriter(path, mesh.xi, mesh.triangles, delta, {**attributes, "dt": 1e-3, "seed": 0}) as writer:
@@ -142,13 +145,14 @@ def write_comparison_of_everything(folder: Path, refine: int = 3) -> list[Claim]
 
 
 @pytest.fixture(scope="module")
-def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Claim]]:
-    folder = tmp_path_factory.mktemp("report")
-    claims = write_comparison_of_everything(folder)
-    return write_comparison_page(folder / FILE_NAME), claims
+def reported(page_of: Callable[[str], Path]) -> Reported:
+    page = page_of("curves")
+    return page, read_comparison(page.parent / FILE_NAME).claims
 
 
-def test_a_page_is_drawn_as_ever_in_whatever_style_is_the_users(reported: tuple[Path, list[Claim]]) -> None:
+def test_a_page_is_drawn_as_ever_in_whatever_style_is_the_users(
+    reported: Reported,
+) -> None:
     page, _ = reported
     before = page.read_bytes()
     with mpl.rc_context(ANOTHER_STYLE):
@@ -156,7 +160,7 @@ def test_a_page_is_drawn_as_ever_in_whatever_style_is_the_users(reported: tuple[
         assert mpl.rcParams["font.size"] == 30  # and is theirs again
 
 
-def test_every_claim_is_told_in_full(reported: tuple[Path, list[Claim]]) -> None:
+def test_every_claim_is_told_in_full(reported: Reported) -> None:
     page, claims = reported
     text = Tags(page).text
     assert "4 of 6 claims hold" in Tags(page).words
@@ -167,7 +171,7 @@ def test_every_claim_is_told_in_full(reported: tuple[Path, list[Claim]]) -> None
     assert (text.count("PASS"), text.count("FAIL")) == (4, 2)
 
 
-def test_a_failed_run_is_shown_with_its_outcome_up_to_its_end(reported: tuple[Path, list[Claim]]) -> None:
+def test_a_failed_run_is_shown_with_its_outcome_up_to_its_end(reported: Reported) -> None:
     tags = Tags(reported[0])
     assert "tangled" in tags.text
     assert "triangle 17 lost its orientation at t = 0.1" in tags.text
@@ -176,7 +180,7 @@ def test_a_failed_run_is_shown_with_its_outcome_up_to_its_end(reported: tuple[Pa
     assert [re.search(r"t = ([\d.]+)", alt)[1] for alt in shown] == ["0", "0.05", "0.1"]
 
 
-def test_rows_are_fem_then_fv_then_their_differences(reported: tuple[Path, list[Claim]]) -> None:
+def test_rows_are_fem_then_fv_then_their_differences(reported: Reported) -> None:
     alts = [alt for alt in Tags(reported[0]).attributes("img", "alt") if alt]
     rows = [name for name, _ in itertools.groupby(alt.split(" at t")[0] for alt in alts)]
     assert rows[:3] == ["a of fem-p1-paper", "a of fv-coupled", "fv-coupled − fem-p1-paper"]
@@ -202,25 +206,25 @@ def test_curved_cells_are_drawn_in_pieces_and_compared_by_their_means(tmp_path: 
     assert sum(len(panel.webp) for row in strip.rows for panel in row.panels) < 400_000
 
 
-def test_growth_is_charted_where_it_was_measured(reported: tuple[Path, list[Claim]]) -> None:
+def test_growth_is_charted_where_it_was_measured(reported: Reported) -> None:
     assert Tags(reported[0]).text.count("Mode amplitude") == 1
     assert Tags(reported[0]).text.count("Total actin ∫a") == 4
 
 
-def test_the_page_is_whole_in_itself_and_takes_no_markup(reported: tuple[Path, list[Claim]]) -> None:
+def test_the_page_is_whole_in_itself_and_takes_no_markup(reported: Reported) -> None:
     tags = whole_in_itself(reported[0])
     assert SCRIPT in tags.text
     assert "Fig. 14 <b>&</b> section" in tags.text
     assert len(tags.source) < 3e6
 
 
-def test_links_lead_to_the_runs_beside_the_page(reported: tuple[Path, list[Claim]]) -> None:
+def test_links_lead_to_the_runs_beside_the_page(reported: Reported) -> None:
     page = reported[0]
     links = [link for link in Tags(page).attributes("a", "href") if link and not link.startswith("#")]
     assert sorted(links) == sorted(path.name for path in page.parent.glob("*.vtkhdf"))
 
 
-def test_a_browser_shows_its_pictures(tab: Page, reported: tuple[Path, list[Claim]]) -> None:
+def test_a_browser_shows_its_pictures(tab: Page, reported: Reported) -> None:
     tab.goto(reported[0].as_uri())
     assert tab.evaluate("document.title").startswith("4 of 6 claims hold")
     pictures = "Array.from(document.images, image => image.naturalWidth > 100)"

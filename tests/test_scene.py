@@ -1,12 +1,10 @@
 import pickle
 import re
-import tomllib
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import sympy
 
 from actin_xcheck.cli.conduct import warn_of
 from actin_xcheck.core.errors import UserError
@@ -16,7 +14,6 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import listed, scene_text, shipped_scenes
@@ -131,10 +128,6 @@ def test_defaults_are_those_of_the_article_and_the_model():
     assert scene.motion.x(x0=2, y0=0, t=0) == 2
 
 
-def test_a_growth_rate_names_its_mode():
-    assert parse_scene(WALL, "wall.toml").mode == (1, 1)
-
-
 def test_motions_and_sources_end_with_the_scene():
     """Both formulas end at t = 0 and at t = 1; their velocities are limits from within."""
     ends = MOVING.replace("x0*exp(t)", "x0 + 0.1*(t*sqrt(t) + (1 - t)**1.5)")
@@ -162,11 +155,6 @@ def test_source_may_be_a_table():
     scene = parse_scene(text, "moving.toml")
     assert scene.citation == "me"
     assert scene.source_term(x=2, y=0, r=2, theta=0, x0=1, y0=0, t=3) == 6
-
-
-def test_dimensional_parameters_are_converted():
-    text = GOOD.replace("[parameters]", "[dimensional]").replace("psi = 10", "psi = 367")
-    assert parse_scene(text, "mine.toml").parameters.psi == pytest.approx(318.067, abs=1e-3)
 
 
 TABLE_1 = (
@@ -239,15 +227,6 @@ def test_every_dimensional_key_has_a_unit_where_it_is_typed():
         text = (Path(__file__).parents[1] / place).read_text(encoding="utf-8")
         for unit in {*UNITS.values()} - {"no unit"}:
             assert unit.replace("^2", "²") in text
-
-
-def test_scenes_are_frozen_and_survive_pickling():
-    scene = parse_scene(MOVING, "moving.toml")
-    copy = pickle.loads(pickle.dumps(scene))
-    assert copy == scene
-    assert (copy.text, copy.origin) == (MOVING, "moving.toml")
-    with pytest.raises(ValueError, match="frozen"):
-        scene.name = "other"
 
 
 MISTAKES = [
@@ -411,62 +390,21 @@ def test_an_unknown_name_lists_the_shipped_ones():
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scenes_load(name):
+def test_shipped_scenes_load_are_frozen_survive_pickling_and_are_listed_as_what_they_are(name):
     scene = load_scene(name)
     assert scene.name == scene.origin == name
     assert scene.citation
     assert len(scene.probes.points) >= 5
     assert scene.text == scene_text(name)
-    assert pickle.loads(pickle.dumps(scene)).text == scene.text
-
-
-@pytest.mark.parametrize("name", [name for name in shipped_scenes() if load_scene(name).expect.exact])
-def test_exact_solutions_solve_the_transport_equation(name):
-    """a_t - d Delta a + div(a v) = 1 - a + s with n.grad a = 0 on the rim, and dx/dt = v."""
-    scene = load_scene(name)
-    x, y, t, x0, y0 = sympy.symbols("x y t x0 y0", real=True)
-    names = {"x": x, "y": y, "t": t, "x0": x0, "y0": y0, "J": sympy.besselj}
-    names |= {"r": sympy.sqrt(x**2 + y**2), "theta": sympy.atan2(y, x)}
-
-    def read(expression):
-        return sympy.sympify(str(expression), locals=names)
-
-    squared = x**2 + y**2
-    back = (x, y)  # where a point came from, for solutions stated in x0, y0
-    if name == "manufactured-moving":
-        back = ((x - t * y / (1 - t / 2)) / (1 + t), y / (1 - t / 2))
-    velocity = {
-        "static-decay": (sympy.Integer(0), sympy.Integer(0)),
-        "growing-disk": (x / 2, y / 2),
-        "growing-waves": (x / 2, y / 2),
-        "stirred": ((1 - squared) * x / 2 - 2 * squared * y, (1 - squared) * y / 2 + 2 * squared * x),
-        "stirred-static": (sympy.Integer(0), sympy.Integer(0)),
-        "manufactured-static": (sympy.Integer(0), sympy.Integer(0)),
-        "manufactured-moving": (back[0] + back[1], -back[1] / 2),
-    }[name]
-    path = (read(scene.motion.x), read(scene.motion.y)) if scene.motion else (x0, y0)
-    follow = dict(zip((x0, y0), back, strict=True))
-    a = read(scene.expect.exact.a).subs(follow)
-    source = read(scene.source_term).subs(follow) if scene.source_term else 0
-    d = scene.parameters.d
-    residual = a.diff(t) - d * (a.diff(x, 2) + a.diff(y, 2)) - (1 - a) - source
-    residual += (a * velocity[0]).diff(x) + (a * velocity[1]).diff(y)
-    flux = x * a.diff(x) + y * a.diff(y)
-
-    for radius, angle, time in (0.3, 0.7, 0.1), (0.8, 2.5, 0.3), (1.0, -1.2, 0.5):
-        start = {x0: radius * np.cos(angle), y0: radius * np.sin(angle), t: time}
-        here = {x: path[0].subs(start).evalf(), y: path[1].subs(start).evalf(), t: time}
-        for component, v in zip(path, velocity, strict=True):
-            assert abs(component.diff(t).subs(start) - v.subs(here)).evalf() < 1e-13
-        assert abs(residual.subs(here).evalf()) < 1e-12
-        if radius == 1:
-            assert abs(flux.subs(here).evalf()) < 1e-12
-    begin = {"x0": 0.3, "y0": -0.4}
-    if scene.motion:
-        assert scene.motion.x(**begin, t=0) == pytest.approx(0.3, abs=1e-15)
-        assert scene.motion.y(**begin, t=0) == pytest.approx(-0.4, abs=1e-15)
-    at = coordinates(np.array([0.3, -0.4]))
-    assert scene.expect.exact.a(**at, **begin, t=0) == pytest.approx(scene.initial.a(**at), abs=1e-15)
+    copy = pickle.loads(pickle.dumps(scene))
+    assert repr(copy) == repr(scene)  # nan is not nan
+    assert (copy.text, copy.origin) == (scene.text, scene.origin)
+    with pytest.raises(ValueError, match="frozen"):
+        scene.name = "other"
+    p, physics = scene.parameters, scene.physics
+    model = f"psi {p.psi:g}, p {p.p:g}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
+    own = "".join(f", {law} {getattr(scene.laws, law)}" for law in ARTICLE if getattr(scene.laws, law))
+    assert listed(name) == (scene.name, scene.citation, model + own)
 
 
 def test_the_realistic_cell_has_the_groups_of_section_6():
@@ -489,17 +427,3 @@ def test_the_realistic_cell_has_the_groups_of_section_6():
 )
 def test_table_5_is_converted(name, psi):
     assert load_scene(name).parameters.psi == pytest.approx(psi * 1.3 / 1.5, rel=2e-6)
-
-
-def test_every_shipped_scene_is_a_toml_file_of_documented_tables():
-    tables = {key for name in shipped_scenes() for key in tomllib.loads(scene_text(name))}
-    assert tables >= {"parameters", "dimensional", "motion", "source", "expect", "as_published"}
-
-
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_a_list_says_of_a_scene_what_loading_it_does(name):
-    scene = load_scene(name)
-    p, physics = scene.parameters, scene.physics
-    model = f"psi {p.psi:g}, p {p.p:g}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
-    own = "".join(f", {law} {getattr(scene.laws, law)}" for law in ARTICLE if getattr(scene.laws, law))
-    assert listed(name) == (scene.name, scene.citation, model + own)

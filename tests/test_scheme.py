@@ -124,19 +124,3 @@ def test_finite_volumes_strike_their_balance_on_the_configurations_it_names(reac
     rate = float(reaction)
     left = (1 + rate * DT) * after * new.a - before * old.a - rate * DT * before - DT * after * supply
     assert np.abs(left - DT * 0.4 * gain).max() < 1e-14
-
-
-def test_the_diffusive_flux_is_exact_for_linear_fields_on_any_triangles():
-    """Two-point plus cross flux of a linear field through every inner face pair is its divergence: zero."""
-    faces = FvDiamond(
-        Problem(MODEL, lumpy, np.zeros_like, sheared), MESH, PrescribedMotion(MESH.xi, sheared)
-    ).faces
-    x = sheared(MESH.xi, 0.5)
-    a = (np.array([2.0, -3.0]) @ x)[MESH.triangles].mean(axis=0)
-    first, second = faces.cells[:, faces.interior]
-    flow = over_relaxed(faces, x) * (a[second] - a[first])
-    gain = np.bincount(first, flow, a.size) - np.bincount(second, flow, a.size)
-    gain += cross_flux(faces, x, vertex_interpolation(faces, x)) @ a
-    away = ~np.isin(MESH.triangles, MESH.rim_nodes).any(axis=0)  # the mirror images are for n.grad a = 0
-    assert away.sum() > 100
-    assert np.abs(gain[away]).max() < 1e-12

@@ -20,7 +20,7 @@ from actin_xcheck.scene.scene import load_scene
 from fem import boundary
 from fem.force_balance import ForceBalance
 from fem.sector import Unfolded
-from tests.lab import film_of, scene_of
+from tests.lab import after, film_of, scene_of
 
 FIG14 = load_scene("fig14-four-fronts")
 PROBES = np.array([[0, 0], [0.4, 0.1], [-0.8, 0], [0, -1], [np.cos(2), np.sin(2)], [0.3, -0.77]]).T
@@ -44,14 +44,6 @@ def unfolded(scene, method, refine, symmetry):
     whole = mesh_of(scene, refine)
     part = sector(refine, scene.parameters.l0, symmetry, np.deg2rad(scene.domain.rotation))
     return Unfolded(solver_of(scene, method, part), whole)
-
-
-def after(solver, time, steps):
-    state = solver.init()
-    for _ in range(steps):
-        state, outcome = solver.step(state, time / steps)
-        assert outcome.ok, outcome
-    return state
 
 
 def nodal(solver, state, points):

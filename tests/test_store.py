@@ -300,11 +300,6 @@ def test_missing_attributes_are_named(tmp_path: Path, mesh: Mesh) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_destination_that_cannot_be_written_is_the_users_mistake(tmp_path: Path, mesh: Mesh) -> None:
-    with pytest.raises(UserError, match="cannot be written"):
-        write(tmp_path / "absent" / "run.vtkhdf", mesh)
-
-
 def spoil_schema(path: Path) -> None:
     with h5py.File(path, "a") as file:
         file["run"].attrs["schema"] = 99

@@ -89,11 +89,11 @@ def test_the_interface_has_its_five_names_and_no_other() -> None:
         actin_xcheck.lode  # noqa: B018
 
 
-def test_a_run_is_the_commands_to_the_last_bit_and_loads_as_arrays(tmp_path: Path) -> None:
+def test_a_run_is_the_commands_to_the_last_bit_and_loads_as_arrays(tmp_path: Path, command) -> None:
     ours = actin_xcheck.run("static-decay", "fem-p1-paper", refine=2, dt=0.25)
     assert not ours.path.exists()  # nothing was asked to be kept
     path = tmp_path / "run.vtkhdf"
-    done = cli("run static-decay --method fem-p1-paper --refine 2 --dt 0.25 --out", path, cwd=tmp_path)
+    done = command("run static-decay --method fem-p1-paper --refine 2 --dt 0.25 --out", path)
     assert done.returncode == 0, done.stderr
     theirs = actin_xcheck.load(str(path))
     for name in ("times", "xi", "cells", "points", "a_points", "a_cells", "u", "v"):
