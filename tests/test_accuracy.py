@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from actin_xcheck.cli.app import main
 from actin_xcheck.core.errors import Ending, Outcome
 from actin_xcheck.runs.accuracy import LEVELS, change, deliver, estimated, fitted_rate
 from actin_xcheck.runs.fidelity import Fidelity
@@ -22,6 +21,7 @@ from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.known import known, reference_errors
 from tests.lab import scene_of
 from tests.studies import carry
+from tests.test_cli import one_line
 
 REFERENCED = (
     "fig12-mixed-31-02-21",
@@ -220,36 +220,16 @@ def test_codes_are_compared_to_an_accuracy(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--accuracy", "1e-3", "--refine", "3"], "chooses --refine itself"),
-        (["--accuracy", "1e-3", "--method", "fem-p1-imex2"], "elements are chosen"),
-        (["--accuracy", "1e-3", "--method", "fv-tpfa"], "it declares no order in space"),
-        (["--accuracy", "2"], "between 0 and 1"),
+        ("run static-decay --method fem --accuracy 2", "between 0 and 1"),
+        ("run static-decay --method fv-coupled --accuracy 1e-3", "--method fem"),
+        ("run static-decay --method fem --accuracy 1e-3 --dt 0.1", "chooses --dt itself"),
+        ("run static-decay --method fem-p1-paper --rtol 1e-3", "takes equal steps"),
+        ("compare --accuracy 1e-3 --refine 3", "chooses --refine itself"),
+        ("compare --accuracy 1e-3 --method fem-p1-imex2", "elements are chosen"),
+        ("compare --accuracy 1e-3 --method fv-tpfa", "it declares no order in space"),
+        ("compare --accuracy 2", "between 0 and 1"),
     ],
 )
-def test_mistakes_beside_an_accuracy_of_a_comparison_are_one_line(words, said, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["actin_xcheck", "compare", *words, "--out", str(tmp_path / "out")])
-    with pytest.raises(SystemExit) as left:
-        main()
-    assert left.value.code == 2
-    assert said in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--method", "fem", "--accuracy", "2"], "between 0 and 1"),
-        (["--method", "fv-coupled", "--accuracy", "1e-3"], "--method fem"),
-        (["--method", "fem", "--accuracy", "1e-3", "--dt", "0.1"], "chooses --dt itself"),
-        (["--method", "fem-p1-paper", "--rtol", "1e-3"], "takes equal steps"),
-    ],
-)
-def test_mistakes_are_one_line(words, said, tmp_path, monkeypatch, capsys):
-    out = ["--out", str(tmp_path / "a.vtkhdf")]
-    monkeypatch.setattr("sys.argv", ["actin_xcheck", "run", "static-decay", *words, *out])
-    with pytest.raises(SystemExit) as left:
-        main()
-    assert left.value.code == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
+def test_mistakes_are_one_line(words, said, tmp_path, command):
+    one_line(command(f"{words} --out out.vtkhdf"), said)
+    assert not (tmp_path / "out.vtkhdf").exists()

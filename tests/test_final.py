@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from actin_xcheck.cli.app import main
 from actin_xcheck.studies.compare import read_comparison
 from actin_xcheck.studies.compare_page import differences
 from actin_xcheck.verdicts.final import FinalValue, in_a_sentence
@@ -52,24 +51,9 @@ def test_of_a_mode_the_growth_is_said_and_of_nothing_nothing():
     assert in_a_sentence([]) == ""
 
 
-def test_a_comparison_says_values_first_in_terminal_page_and_json(tmp_path, monkeypatch, capsys):
-    words = [
-        "compare",
-        "static-decay",
-        "--refine",
-        "2",
-        "--dt",
-        "0.1",
-        "--out",
-        str(tmp_path / "c"),
-        "--quiet",
-    ]
-    said = []
-    for more in ([], ["--json"]):
-        monkeypatch.setattr("sys.argv", ["actin_xcheck", *words, *more])
-        with pytest.raises(SystemExit):
-            main()
-        said.append(capsys.readouterr().out)
+def test_a_comparison_says_values_first_in_terminal_page_and_json(tmp_path, command):
+    words = "compare static-decay --refine 2 --dt 0.1 --out c --quiet"
+    said = [command(words).stdout, command(words, "--json").stdout]
     assert said[0].startswith("static-decay: area ")
     values = {one["quantity"]: one for one in json.loads(said[1])["values"]}
     area = values["area"]["by"]

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.core.parameters import Closure, Delta, Rheology
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies import random_scenes as random_module
 from actin_xcheck.studies.faults import find_faults
 from actin_xcheck.studies.faults.fault import replaced
-from actin_xcheck.studies.random_scenes import CheckedScene, DrawnScene, OfTheDate, check, random_scenes
+from actin_xcheck.studies.random_scenes import DrawnScene, OfTheDate, check, random_scenes
 from actin_xcheck.studies.study import answered
+from tests.small import checked
 
 SEED = 3
 
@@ -68,9 +69,9 @@ def test_simpler_scenes_are_valid_and_come_to_an_end():
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_the_codes_agree_on_scenes_that_nobody_chose(number: int, tmp_path: Path):
-    checked = check(question(number), tmp_path)
-    assert not checked.misses, checked.worst.sentence
-    kinds = {claim.kind for claim in checked.claims}
+    found = check(question(number), tmp_path)
+    assert not found.misses, found.worst.sentence
+    kinds = {claim.kind for claim in found.claims}
     assert kinds >= {ClaimKind.ENDS, ClaimKind.CONSERVATION, ClaimKind.TRIANGLE, ClaimKind.INVARIANCE}
 
 
@@ -81,29 +82,12 @@ def test_a_fault_of_one_code_is_a_miss(tmp_path: Path):
         assert check(question(0), tmp_path).misses
 
 
-def made_up(asked: DrawnScene) -> CheckedScene:
-    """An answer that misses as long as the pressure pushes outwards."""
-    p = parse_scene(asked.scene, asked.name).parameters.p
-    claim = Claim(
-        kind=ClaimKind.TRIANGLE,
-        quantity="area",
-        scene=asked.name,
-        methods=("fem", "fv"),
-        statement="they agree",
-        value=2.0 if p > 0 else 0.5,
-        bound=1.0,
-        command="compare",
-        path="",
-    )
-    return CheckedScene(asked.name, asked.scene, (claim,))
-
-
 def test_a_miss_is_made_as_simple_as_it_can_be():
     asked: list[DrawnScene] = []
 
     def answers(tasks):
         asked.extend(task.ask for task in tasks)
-        return [made_up(task.ask) for task in tasks]
+        return [checked(task.ask, Path()) for task in tasks]
 
     report = answered(random_scenes(SEED, 6), answers)
     missed = [row.name for row in report.tables["scenes"].rows if row.misses]
@@ -121,7 +105,7 @@ def test_a_miss_is_made_as_simple_as_it_can_be():
 
 
 def test_a_night_draws_by_its_date_and_its_claims_have_the_same_keys_every_night(monkeypatch, tmp_path):
-    monkeypatch.setattr(random_module, "check", lambda asked, folder: made_up(asked))
+    monkeypatch.setattr(random_module, "check", checked)
     nights = []
     for day in (3, 4):
         monkeypatch.setattr(random_module, "seed_of_today", lambda day=day: day)
@@ -129,6 +113,6 @@ def test_a_night_draws_by_its_date_and_its_claims_have_the_same_keys_every_night
     assert [one.key for one in nights[0]] == [one.key for one in nights[1]]
     assert len({one.key for one in nights[0]}) == 6
     assert nights[0][2].command == "python -m actin_xcheck random --seed 3 --count 1 --first 42"
-    study = answered(random_scenes(3, 6, 40), lambda tasks: [made_up(task.ask) for task in tasks])
+    study = answered(random_scenes(3, 6, 40), lambda tasks: [checked(task.ask, Path()) for task in tasks])
     assert [one.value for one in nights[0]] == [one.value for one in study.claims]
     assert {one.holds for one in nights[0]} == {True, False}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
-from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.contract import Frame
 from actin_xcheck.core.errors import Ending, Outcome
 from actin_xcheck.core.mesh import disk, signed_areas
@@ -26,6 +26,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.browser import complaints
+from tests.claims import claim as any_claim
 from tests.studies import write_comparison
 from tests.tags import SCRIPT, Tags, whole_in_itself
 
@@ -100,17 +101,11 @@ def write_run(
 
 
 def claim(scene: str, method: str, statement: str, value: float, note: str = "") -> Claim:
-    return Claim(
-        kind=ClaimKind.OTHER,
-        scene=scene,
-        methods=(method,),
-        statement=statement,
-        value=value,
-        bound=2e-3,
-        command=f"compare {scene} --method {method}",
-        path=f"/runs/{scene}/{method}/run/series/area",
-        note=note,
-    )
+    where = {
+        "command": f"compare {scene} --method {method}",
+        "path": f"/runs/{scene}/{method}/run/series/area",
+    }
+    return any_claim(statement, value, 2e-3, scene=scene, methods=(method,), note=note, **where)
 
 
 def write_comparison_of_everything(folder: Path, refine: int = 3) -> list[Claim]:

@@ -1,7 +1,5 @@
 """Sweeps: what a file asks for, that nothing is run twice, and that a lost process costs its own run only."""
 
-import subprocess
-import sys
 import time
 from collections import Counter
 from dataclasses import replace
@@ -19,7 +17,7 @@ from actin_xcheck.runs import accuracy as accuracies
 from actin_xcheck.runs import executor as executors
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.numerics import Wanted
-from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies import sweep as sweeping
 from actin_xcheck.studies.sweep import LOG, SweepRun, finished, read_table
 from actin_xcheck.studies.sweep.plan import points_of
@@ -53,16 +51,10 @@ def test_ranges_are_combined_with_the_last_one_fastest(tmp_path: Path) -> None:
     points = points_of(sweep_file(tmp_path, SMALL))
     given = [(point.values["parameters.d"], point.values["parameters.psi"]) for point in points]
     assert given == [(d, psi) for d in np.geomspace(1e-3, 1e-1, 3) for psi in (0.0, 10.0)]
-    scenes = [load_scene_text(point.text) for point in points]
+    scenes = [parse_scene(point.text, "here") for point in points]
     assert [(scene.parameters.d, scene.parameters.psi) for scene in scenes] == given
     base = load_scene("static-decay")
     assert all(scene.output_times == base.output_times and scene.probes == base.probes for scene in scenes)
-
-
-def load_scene_text(text: str):
-    from actin_xcheck.scene.scene import parse_scene
-
-    return parse_scene(text, "here")
 
 
 def test_ranges_side_by_side_and_lists_of_scenes(tmp_path: Path) -> None:
@@ -158,7 +150,7 @@ def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -
             assert table[name][row] == last[name]
         assert [table[f"probe_a_{i}"][row] for i in range(5)] == last["probe_a"].tolist()
         assert [table[f"probe_x_4_{axis}"][row] for axis in "xy"] == last["probe_x"][4].tolist()
-        assert load_scene_text(run.attributes["scene"]).parameters.psi == table["parameters.psi"][row]
+        assert parse_scene(run.attributes["scene"], "here").parameters.psi == table["parameters.psi"][row]
         assert (table["dt"][row], table["refine"][row], table["steps"][row]) == (0.25, 1, 2)
     still, moving = table["parameters.psi"] == 0, table["parameters.psi"] == 10
     assert np.ptp(table["area"][still]) == 0  # without contraction nothing moves, whatever diffuses
@@ -220,29 +212,6 @@ def test_an_exception_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
         assert "unperturbed" in table["message"][1]
         assert np.isnan(table["area"][1])
         assert [starts(tmp_path / "out")[key] for key in table["key"]] == [1, times]
-
-
-@pytest.mark.slow
-def test_the_processes_of_a_killed_sweep_end_with_it(tmp_path: Path) -> None:
-    path = sweep_file(tmp_path, SMALL.replace("count = 3", "count = 100"))
-    words = [
-        sys.executable,
-        "-m",
-        "actin_xcheck",
-        "sweep",
-        path,
-        *map(str, OPTIONS),
-        "--jobs",
-        "2",
-        "--out",
-        "out",
-    ]
-    sweep = subprocess.Popen([*words, "--out", "out"], cwd=tmp_path, stderr=subprocess.DEVNULL)
-    wait_until(lambda: len(starts(tmp_path / "out")) > 3, 120)
-    pids = {int(line.split()[3]) for line in (tmp_path / "out" / LOG).read_text().splitlines()}
-    sweep.kill()
-    sweep.wait()
-    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), 30)
 
 
 MANY = """

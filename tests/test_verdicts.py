@@ -13,7 +13,8 @@ from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.scene.scene import load_scene, parse_scene
+from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.converge.plan import final
@@ -280,6 +281,37 @@ def test_a_reference_is_known_to_the_digits_it_is_printed_with(area, unit):
     scene = parse_scene(SCENE.format("[1.0, nan]").replace("3.14159", area), "still.toml")
     assert known(scene, "area", 0.1).uncertainty == unit
     assert known(scene, "probe_a", 0.1).uncertainty == 0.1
+
+
+# what is known without a run
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "exact", "within"),
+    [
+        ("growing-disk", "area", np.pi * np.exp(0.5), 1e-13),
+        ("growing-disk", "total_actin", np.pi * np.cosh(0.5), 1e-13),
+        ("manufactured-moving", "area", 1.5 * 0.75 * np.pi, 1e-13),  # a shear keeps it
+        ("stirred", "area", np.pi, 1e-8),  # and a swirl
+    ],
+)
+def test_exact_integrals_are_exact(name, quantity, exact, within):
+    assert known(load_scene(name), quantity, 0.5).values == pytest.approx(exact, abs=within)
+
+
+def test_exact_probes_are_in_the_scenes_frame_however_it_is_turned():
+    text = scene_text("stirred") + "\n[domain]\nrotation = 37.0\n"
+    straight, turned = load_scene("stirred"), parse_scene(text, "turned.toml")
+    for quantity in ("probe_a", "probe_x"):
+        assert np.array_equal(
+            known(straight, quantity, 0.25).values, known(turned, quantity, 0.25).values
+        )  # stated in the scene's frame
+
+
+def test_nothing_is_known_where_the_motion_is_not():
+    scene = load_scene("smooth-fronts")
+    assert all(known(scene, quantity, 0.125) is None for quantity in ("area", "probe_a", "growth_rate"))
+    assert known(load_scene("fig16-uniform-expansion"), "area", 1.2046e-3) is None
 
 
 # how much it says that all claims hold
