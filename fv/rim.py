@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from actin_xcheck.core.model import Array, Model
 from fv.mesh import Faces
@@ -77,7 +78,25 @@ class RimFaces:
         rate: Array = (grad_v * across).sum(axis=1)
         return rate
 
+    def read(self, other: "RimFaces", across: Array) -> Array:
+        """F N (2, n_rim) from that of another mesh of the disk."""
+        return np.asarray(around(other._middle, across)(on_angles(self._middle)).T, np.float64)
+
     def _edges(self, nodal: Array) -> Array:
         """Differences (2, n_rim) of vertex values (2, N) along the faces."""
         difference: Array = nodal[:, self._end] - nodal[:, self._start]
         return difference
+
+
+def on_angles(points: Array) -> Array:
+    """Angles (n,) of points (2, n), from 0 to 2 pi."""
+    return np.remainder(np.arctan2(points[1], points[0]), 2 * np.pi)
+
+
+def around(points: Array, values: Array) -> CubicSpline:
+    """The periodic spline of the angle through values (2, n) at points (2, n) around the origin."""
+    angles = on_angles(points)
+    order = np.argsort(angles)
+    order = np.append(order, order[0])
+    turns = np.append(angles[order[:-1]], angles[order[0]] + 2 * np.pi)
+    return CubicSpline(turns, values[:, order].T, bc_type="periodic")

@@ -104,7 +104,7 @@ ONE = "--out x.vtkhdf"
         (f"run stirred --method fv-coupled --dt 0 {ONE}", ["--dt", "0"]),
         (f"run stirred --method fv-coupled --dt nan {ONE}", ["--dt", "nan"]),
         (f"run sec54-failure --method fem-p1-paper --remesh {ONE}",
-         ["--remesh: not for fem-p1-paper; valid with fem-p1-imex2"]),
+         ["--remesh: not for fem-p1-paper; valid with fv, fv-paper, fem-p1-imex2"]),
         (f"run stirred --method fem-p2-imex3 --remesh {ONE}", ["--remesh: stirred prescribes its motion"]),
         (f"run mode-40.toml --method fem-p1-paper {ONE}", ["mode-40.toml", "no mode (2, 40)"]),
         ("scenes show nothing.toml", ["nothing.toml"]),

@@ -42,8 +42,8 @@ SPECTRUM = "fem.spectrum:Spectrum"
 PERTURBATIONS, POWERS = "fem.transient:Perturbations", "fem.transient:powers"
 """Amplification of perturbations of it, and by powers of a step."""
 
-REMESHING = "fem.remeshing:Remeshing"
-"""Curved elements whose mesh is replaced when it is about to fold."""
+REMESHING = {"fem": "fem.remeshing:Remeshing", "fv": "fv.remeshing:FvRemeshing"}
+"""Solvers whose mesh is replaced when it is about to fold, by the code of the method."""
 
 SHAPES, SOUNDNESS = "fem.triangulation:shapes", "fem.triangulation:soundness"
 """The shape of a mesh's cells, and whether it is about to fold."""

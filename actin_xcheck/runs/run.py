@@ -17,6 +17,7 @@ from actin_xcheck.core.motion import PrescribedMotion, RecordedMotion
 from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs.march import Amplitude, Keeper, March, Progress, Recorder, earlier, taken_up
 from actin_xcheck.runs.method import (
+    FV_FORCE_BALANCE,
     HAND_OVER,
     METHODS,
     MODAL,
@@ -74,9 +75,9 @@ def bind(scene: Scene, numerics: Numerics, perturbed: bool = True) -> Solver:
         return unfolded
 
     if numerics.remesh:
-        solver = load(REMESHING)(
+        solver = load(REMESHING[method.family])(
             solver_for(problem, method, whole),
-            lambda mesh, balance: solver_for(problem, method, mesh, balance),
+            lambda mesh, balance=None: solver_for(problem, method, mesh, balance),
         )
         return solver
     if reduction.fidelity is not Fidelity.MODAL:
@@ -203,8 +204,10 @@ def _followed(march: March, recorder: Recorder, keeper: Keeper) -> Outcome:
 
 
 def remeshes(method: Method) -> bool:
-    """Whether a method's mesh can be replaced in a run: that of curved elements integrated by the pairs."""
-    return method.solver == METHODS["fem-p1-imex2"].solver
+    """Whether a method's mesh can be replaced in a run: that of curved elements integrated by the pairs, and
+    that of volumes with a force balance of their own.
+    """
+    return method.solver == METHODS["fem-p1-imex2"].solver or method.mechanics == FV_FORCE_BALANCE
 
 
 def _told(outcome: Outcome, scene: Scene, numerics: Numerics, solver: Solver, last: State) -> Outcome:
