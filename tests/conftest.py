@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import meshio
 import pytest
 from playwright.sync_api import Browser, Page
 
@@ -81,6 +82,19 @@ def page_of(
         return carried(kind).folder / "index.html"
 
     return cache(made)
+
+
+@pytest.fixture
+def read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files of meshes are read in this process, not in one of their own, which loads its readers anew."""
+
+    def here(seconds: float, work: Callable[..., Any], *given: object) -> Any:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(meshio.Mesh, "__init__", meshio.Mesh.__init__)  # which the reader replaces
+            return work(*given)
+
+    monkeypatch.setattr("actin_xcheck.scene.mesh_file.aside", here)
+    monkeypatch.setattr("actin_xcheck.studies.judge.theirs.aside", here)
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """The atlas: the article's facts as printed, and maps of the moving cell against the argument principle."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from actin_xcheck.studies.theory.figures import (
     STABLE,
     centres,
     delta_sheet,
-    maps,
+    map_of,
     pictures,
     plots,
 )
@@ -27,7 +28,7 @@ from actin_xcheck.theory.dispersion import Mode, Version, growth_rates, modes_be
 from actin_xcheck.theory.exact import DiskModes
 from tests.browser import SEEN, lab, linear
 
-CELLS = [Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE]
+CELLS = [Closure.REFERENCE_NORMAL, pytest.param(Closure.TRACTION_FREE, marks=pytest.mark.slow)]
 SOFT = 1.75 / 1.5
 """Where e = 1 + nu' - p_e vanishes for delta = 1, corrected."""
 
@@ -36,9 +37,9 @@ def plane(closure):
     return Model(Parameters(0.0, 0.0), closure=closure, delta=Delta.FULL)
 
 
-@pytest.fixture(scope="module")
-def planes():
-    return {one.key.removeprefix("fig23a-"): one for one in maps()}
+@cache
+def mapped(key: str) -> Regions:
+    return map_of(f"fig23a-{key}")
 
 
 def name(plane: Regions, psi: float, p: float) -> str:
@@ -61,8 +62,8 @@ def pixels(seed: int, count: int, p_max: float):
     return zip(random.choice(psi, count), random.choice(p[p < p_max], count), strict=True)
 
 
-def test_as_printed_the_maps_facts_are_those_of_the_text(planes):
-    printed = planes["printed"]
+def test_as_printed_the_maps_facts_are_those_of_the_text():
+    printed = mapped("printed")
     assert name(printed, 62.4, 0.26) == "T: w1,1"  # A.1.1: the only growing mode, by a Turing instability
     assert name(printed, 95.327, 0.26) == "T: w2,1"  # the first two
     along_psi = passed([name(printed, psi, 0.8) for psi in np.arange(10, 60, 0.3)])
@@ -74,8 +75,8 @@ def test_as_printed_the_maps_facts_are_those_of_the_text(planes):
 
 
 @pytest.mark.parametrize("version", Version)
-def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(planes, version):
-    one = planes["printed" if version is Version.AS_PRINTED else "corrected"]
+def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(version):
+    one = mapped("printed" if version is Version.AS_PRINTED else "corrected")
     for psi, p in pixels(1, 300, 1.74 if version is Version.AS_PRINTED else SOFT):
         model = plane(Closure.IRROTATIONAL_WALL).varied(psi=psi, p=p)
         leading = {
@@ -90,8 +91,8 @@ def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(planes, version):
 
 
 @pytest.mark.parametrize("closure", CELLS)
-def test_maps_of_the_cell_hold_at_random_pixels(planes, closure):
-    one = planes[closure]
+def test_maps_of_the_cell_hold_at_random_pixels(closure):
+    one = mapped(closure)
     for psi, p in pixels(7, 15, SOFT):
         row = np.argmin(np.abs(one.y - p))
         model = plane(closure).varied(psi=psi, p=p)
@@ -111,9 +112,9 @@ def test_maps_of_the_cell_hold_at_random_pixels(planes, closure):
 
 
 @pytest.mark.parametrize("closure", CELLS)
-def test_modes_set_in_between_two_pixels(planes, closure):
+def test_modes_set_in_between_two_pixels(closure):
     """In random rows: to the left of its border a mode does not grow, to the right a pair does."""
-    one, random = planes[closure], np.random.default_rng(8)
+    one, random = mapped(closure), np.random.default_rng(8)
     lines = {line.label: line.x for line in one.borders}
     assert lines.keys() >= {f"m = {m}, Re λ = 0" for m in range(3)}
     for m in range(5):
@@ -126,9 +127,12 @@ def test_modes_set_in_between_two_pixels(planes, closure):
                     assert found == growing, (column, row, m)
 
 
-@pytest.mark.parametrize(("closure", "m"), [(Closure.REFERENCE_NORMAL, 2), (Closure.TRACTION_FREE, 1)])
-def test_borders_are_thresholds_and_double_roots(planes, closure, m):
-    one, row = planes[closure], 100
+@pytest.mark.parametrize(
+    ("closure", "m"),
+    [(Closure.REFERENCE_NORMAL, 2), pytest.param(Closure.TRACTION_FREE, 1, marks=pytest.mark.slow)],
+)
+def test_borders_are_thresholds_and_double_roots(closure, m):
+    one, row = mapped(closure), 100
     p = float(one.y[row])
     neutral = border(one, f"m = {m}, Re λ = 0")[row]
     for factor, growing in ((1 - 1e-8, 0), (1 + 1e-8, 2)):
@@ -141,33 +145,30 @@ def test_borders_are_thresholds_and_double_roots(planes, closure, m):
 
 
 @pytest.mark.parametrize("version", ["corrected", *CELLS])
-def test_a_soft_cell_has_infinitely_many_growing_modes(planes, version):
-    one = planes[version]
+def test_a_soft_cell_has_infinitely_many_growing_modes(version):
+    one = mapped(version)
     infinite = one.names.index(INFINITE)
     assert np.array_equal(one.codes == infinite, np.repeat(one.y[:, None] > SOFT, len(one.x), axis=1))
     soft = plane(Closure.REFERENCE_NORMAL).varied(psi=1.0, p=SOFT + 1e-3)
     assert max(DiskModes(soft, 1).boundary_points().values()) > 0
-    assert INFINITE not in {planes["printed"].names[code] for code in np.unique(planes["printed"].codes)}
+    assert INFINITE not in {mapped("printed").names[code] for code in np.unique(mapped("printed").codes)}
 
 
-def test_maps_have_their_size_and_write_labels_into_their_bands(planes):
-    for one in planes.values():
-        assert one.codes.shape == (400, 400) == (len(one.y), len(one.x))
-        assert len(one.labels) >= 8
-        for text, psi, p in one.labels:
-            assert name(one, psi, p).startswith(text)
-
-
-def test_neighbours_on_a_map_are_told_apart_in_grey_and_by_every_eye(planes):
-    for one in planes.values():
-        colour = dict(zip(one.names, BANDS * 2, strict=False))
-        pairs = set()
-        for here, beside in ((one.codes[1:], one.codes[:-1]), (one.codes[:, 1:], one.codes[:, :-1])):
-            pairs |= set(zip(here[here != beside].tolist(), beside[here != beside].tolist(), strict=True))
-        for pair in pairs:
-            first, second = (linear(colour[one.names[code]]) for code in pair)
-            assert abs(lab(first)[0] - lab(second)[0]) > 7.5, pair
-            assert min(np.linalg.norm(lab(eye @ first) - lab(eye @ second)) for eye in SEEN.values()) > 12
+@pytest.mark.parametrize("key", ["printed", "corrected", *CELLS])
+def test_a_map_has_its_size_labels_in_their_bands_and_neighbours_told_apart_in_grey_and_by_every_eye(key):
+    one = mapped(key)
+    assert one.codes.shape == (400, 400) == (len(one.y), len(one.x))
+    assert len(one.labels) >= 8
+    for text, psi, p in one.labels:
+        assert name(one, psi, p).startswith(text)
+    colour = dict(zip(one.names, BANDS * 2, strict=False))
+    pairs = set()
+    for here, beside in ((one.codes[1:], one.codes[:-1]), (one.codes[:, 1:], one.codes[:, :-1])):
+        pairs |= set(zip(here[here != beside].tolist(), beside[here != beside].tolist(), strict=True))
+    for pair in pairs:
+        first, second = (linear(colour[one.names[code]]) for code in pair)
+        assert abs(lab(first)[0] - lab(second)[0]) > 7.5, pair
+        assert min(np.linalg.norm(lab(eye @ first) - lab(eye @ second)) for eye in SEEN.values()) > 12
 
 
 def test_a_border_in_the_wrong_place_is_an_error():

@@ -157,7 +157,7 @@ def test_every_axis_has_three_labels_that_are_its_numbers(tab: Page, tmp_path: P
         [True, 1e-17, 3e-16],
         [False, 0.0, 8000.0],
     ]
-    for _ in range(60):
+    for _ in range(25):
         low, width = (10.0 ** random.uniform(-9, 6) for _ in range(2))
         spans.append([True, low, low * 10 ** random.uniform(0.01, 18)])
         spans.append(
@@ -173,14 +173,17 @@ def test_every_axis_has_three_labels_that_are_its_numbers(tab: Page, tmp_path: P
         assert ((low - slack <= numbers) & (numbers <= high + slack)).all(), (low, high, labels)
 
 
-def test_axes_can_be_read_however_far_they_are_zoomed(area: Page) -> None:
-    for name in ("Area |Ω|", "|Balance residual|"):
-        found = f"[...document.querySelectorAll('.chart')].find(one => one.ariaLabel.startsWith({name!r}))"
+def test_axes_can_be_read_however_far_they_are_zoomed(tab: Page, tmp_path: Path) -> None:
+    curves = {"area": 3.2 + 0.4 * X**2, "residual": 10.0 ** (-17 + 2 * np.sin(9 * X))}
+    plots = [Plot(k, k, "", "t", (Line("l", X / 6, y),), log=k == "residual") for k, y in curves.items()]
+    (tmp_path / "index.html").write_text(page_with(*plots), encoding="utf-8")
+    assert complaints(tab, tmp_path / "index.html") == []
+    for number in (0, 1):
         for times in (2, 6):
-            area.evaluate(f"{found}.focus()")
+            tab.evaluate(f"document.querySelectorAll('.chart')[{number}].focus()")
             for _ in range(times):
-                area.keyboard.press("+")
-            assert unreadable(area) == []
+                tab.keyboard.press("+")
+            assert unreadable(tab) == []
 
 
 def test_everything_a_line_can_say_is_drawn() -> None:
@@ -212,11 +215,11 @@ def test_everything_a_line_can_say_is_drawn() -> None:
 
 
 def test_long_curves_keep_their_extremes_and_round_off_is_not_magnified() -> None:
-    y = np.ones(100_000)
-    y[77_777], y[5] = 9.0, np.nan
-    (line,) = figure(Plot("k", "t", "", "t", (Line("l", np.arange(100_000.0), y),)))["data"]
+    y = np.ones(10_000)
+    y[7_777], y[5] = 9.0, np.nan
+    (line,) = figure(Plot("k", "t", "", "t", (Line("l", np.arange(10_000.0), y),)))["data"]
     assert len(line["x"]) < 1100
-    assert (line["x"][0], line["x"][-1], max(one for one in line["y"] if one)) == (0.0, 99_999.0, 9.0)
+    assert (line["x"][0], line["x"][-1], max(one for one in line["y"] if one)) == (0.0, 9_999.0, 9.0)
     flat = figure(Plot("k", "t", "", "t", (Line("l", X, 3.14 + 1e-15 * X),)))["layout"]["yaxis"]["range"]
     assert flat[1] - flat[0] == pytest.approx(3.14e-9)
     tiny = np.array([1.0, 2.0])

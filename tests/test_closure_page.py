@@ -155,6 +155,7 @@ def rims(tmp_path_factory):
     ]
 
 
+@pytest.mark.slow
 def test_finer_meshes_get_worse_with_current_normal(rims):
     ill = ladders(rims)[0]
     assert ill.closure is CURRENT
@@ -166,6 +167,7 @@ def test_finer_meshes_get_worse_with_current_normal(rims):
     assert finest.roughness[-1] > 5 * finest.roughness[0]
 
 
+@pytest.mark.slow
 def test_meshes_converge_with_reference_normal(rims):
     well = ladders(rims)[1]
     assert np.isinf(well.lost).all()
@@ -176,6 +178,7 @@ def test_meshes_converge_with_reference_normal(rims):
         assert rim.roughness[-1] == pytest.approx(rim.roughness[0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_cell_swells_as_its_rims_tension_says(rims):
     """R' = R T/(mu1 + 2 mu2), a' = 1 - a - 2 a T/(mu1 + 2 mu2), T = p (2/pi) arctan a."""
     scene = load_scene(ROUGH_SCENE)

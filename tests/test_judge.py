@@ -174,6 +174,7 @@ def test_a_mesh_is_measured_by_its_own_elements(tmp_path):
     assert abs(found.columns["centroid_x"][0]) < 1e-12
 
 
+@pytest.mark.usefixtures("read_here")
 def test_a_series_of_meshes_is_read_at_its_times(tmp_path):
     meshed(tmp_path / "0.vtu")
     meshed(tmp_path / "1.vtu", scale=1.1)
@@ -214,6 +215,7 @@ def test_a_table_that_is_wrong_is_one_line(tmp_path, command, kind):
         ({"scale": 1e-3}, "the unit of length"),
     ],
 )
+@pytest.mark.usefixtures("read_here")
 def test_a_mesh_that_is_wrong_is_one_line(tmp_path, command, options, said):
     done = command("judge growing-disk", meshed(tmp_path / "cell.vtu", **options), "--field", "c")
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

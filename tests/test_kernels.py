@@ -298,7 +298,7 @@ def test_the_curved_cells_are_sound_and_share_their_nodes(k, l0):
 @pytest.mark.parametrize("k", EVERY_ORDER)
 @pytest.mark.parametrize("mirrors", [1, 2])
 def test_a_sectors_curved_cells_are_those_of_the_disk(k, mirrors):
-    symmetry, refine = Symmetry(mirrors, 0.2), 3
+    symmetry, refine = Symmetry(mirrors, 0.2), 2
     part, whole = (
         Space.on(mesh, k, L0) for mesh in (sector(refine, L0, symmetry, 0.2), disk(refine, L0, 0.2))
     )

@@ -22,7 +22,8 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.runs.executor import cores, executor
 from actin_xcheck.runs.processes import ATTEMPTS, Lost
 from actin_xcheck.runs.store import read_run
-from actin_xcheck.scene.mesh_file import LostError, aside
+from actin_xcheck.scene import mesh_file
+from actin_xcheck.scene.mesh_file import LostError, aside, read_triangulation
 from actin_xcheck.scene.scene import load_scene
 from tests.ending import killed, process, raises
 from tests.processes import cluster, posix, started, wait_until
@@ -50,6 +51,15 @@ def test_what_does_not_end_is_ended_even_where_the_interpreter_waits_for_it() ->
     began = time.monotonic()
     with pytest.raises(LostError, match=r"no end within 1\.5 s"):
         aside(1.5, re.match, r"(a+)+$", "a" * 60 + "b")  # exponential, and no other thread gets a turn
+    assert time.monotonic() - began < 30
+
+
+def test_a_reader_of_meshes_that_goes_round_for_ever_is_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_file, "PATIENCE", 3.0)
+    (tmp_path / "cell.node").write_text("")
+    began = time.monotonic()
+    with pytest.raises(UserError, match=r"cell\.node: meshio cannot read it \(no end within 3 s\); valid: "):
+        read_triangulation(tmp_path / "cell.node")
     assert time.monotonic() - began < 30
 
 

@@ -101,11 +101,9 @@ def write_run(
 
 
 def claim(scene: str, method: str, statement: str, value: float, note: str = "") -> Claim:
-    where = {
-        "command": f"compare {scene} --method {method}",
-        "path": f"/runs/{scene}/{method}/run/series/area",
-    }
-    return any_claim(statement, value, 2e-3, scene=scene, methods=(method,), note=note, **where)
+    command, path = f"compare {scene} --method {method}", f"/runs/{scene}/{method}/run/series/area"
+    said = {"scene": scene, "methods": (method,), "command": command, "path": path, "note": note}
+    return any_claim(statement, value, 2e-3, **said)
 
 
 def write_comparison_of_everything(folder: Path, refine: int = 3) -> list[Claim]:
