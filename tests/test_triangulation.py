@@ -362,6 +362,18 @@ def test_a_comparison_keeps_its_triangles_and_shows_them(carried):
     assert page.count('figure class="exhibit intervals"') == len(of_triangles)
 
 
+@pytest.mark.parametrize(("l0", "factor"), [(0.8, 1.25), (0.8422, 3)])
+def test_an_order_confirms_nothing_where_the_ring_is_too_near_the_rim_for_layers_to_halve(
+    l0, factor, tmp_path
+):
+    """Outside of 0.8422 there are one, one and three layers; of 0.8 one, two and three."""
+    scene = load_scene("static-decay").varied({"parameters.l0": l0})
+    levels = levels_of(scene, FV, tmp_path, 4, 16)
+    _, _, how, order = estimate(scene, levels, "area", scene.time.end)
+    assert order == pytest.approx(2, abs=0.1)
+    assert f"Fs = {factor:g}," in how
+
+
 def rate_error(scene, m, amplitude, folder):
     """What a mode's fitted rate is off by and may be off by, in a run whose own errors are smaller."""
     text = scene.text.replace("amplitude = 1e-6", f"amplitude = {amplitude}")

@@ -229,12 +229,22 @@ def _on_circles(points: Array, refine: int, l0: float, quadrant: float, start: f
     layers = 2**refine
     norm1 = np.abs(points).sum(axis=0)
     layer = np.rint(norm1 * layers)
-    ring = min(max(round(l0 * layers), 1), layers - 1)
-    radius = np.interp(layer, [0, ring, layers], [0.0, l0, 1.0])
+    radius = np.interp(layer, [0, _ring(layers, l0), layers], [0.0, l0, 1.0])
     x, y = points / np.where(norm1 > 0, norm1, 1.0)
     fraction = np.where(y >= 0, np.where(x >= 0, y, 1 - x), np.where(x < 0, 2 - y, 3 + x))
     angle = quadrant * fraction + start
     return radius * np.array([np.cos(angle), np.sin(angle)])
+
+
+def _ring(layers: int, l0: float) -> int:
+    """Which of so many layers ends on |xi| = l0."""
+    return min(max(round(l0 * layers), 1), layers - 1)
+
+
+def layer_widths(refine: int, l0: float) -> tuple[float, float]:
+    """Width of the layers of `disk` inside and outside of the ring."""
+    layers = 2**refine
+    return l0 / _ring(layers, l0), (1 - l0) / (layers - _ring(layers, l0))
 
 
 def _refined_diamond(refine: int) -> tuple[Array, Indices]:

@@ -2,10 +2,11 @@
 
 Every run has coarser companions, h doubled and dt ~ h^(order_h/order_dt), so that both parts of its error
 fall together; from them, and from what it says of the errors of its own steps, comes its uncertainty.  Two
-numbers agree where they are no further apart than the sum of their uncertainties.  At probes meshes are not
-similar: under a material point none is the coarser one refined, and pointwise the declared orders are not
-claimed.  Cell averages are left out: triangles of two
-levels are nested in topology only, and carrying one to the other would cost as much as what is measured.
+numbers agree where they are no further apart than the sum of their uncertainties.  Meshes are not similar
+where the ring, on a layer of each, is so near the rim that h does not halve there.  At probes they never are:
+under a material point none is the coarser one refined, and pointwise the declared orders are not claimed.
+Cell averages are left out: triangles of two levels are nested in topology only, and carrying one to the other
+would cost as much as what is measured.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,9 @@ from itertools import combinations
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
+from actin_xcheck.core.mesh import layer_widths
 from actin_xcheck.core.model import Array
+from actin_xcheck.core.parameters import Delta, Fidelity
 from actin_xcheck.runs.accuracy import fitted_rate
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.store import Run
@@ -239,7 +242,8 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
     if ratio <= 1:
         why = f"a coarser run makes no longer steps up to t = {t:.4g}"
         return values[0], np.nan, f"no uncertainty, for {why}", np.nan
-    similar, run = not quantity.startswith("probe"), levels.runs[0]
+    run, used = levels.runs[0], levels.runs[: len(values)]
+    similar = not quantity.startswith("probe") and _similar(scene, used)
     size = max(1.0, float(np.abs(values[0]).max()))
     solved = SOLVED * (run.series["time"] <= t).sum()
     floor = ROUND_OFF.get(quantity, 1e-12) * (1 + solved) * size
@@ -247,6 +251,20 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
     if quantity != "growth_rate":
         floor += levels.neglected * size * (2 if quantity == "area" else 1)
     return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor, steps)
+
+
+def _similar(scene: Scene, runs: Sequence[Run]) -> bool:
+    """Whether h halves from level to level on both sides of the ring, a layer of every mesh, within sqrt 2.
+
+    Layers there are whole numbers: where the ring is near the rim one may stay one, or become three.
+    """
+    stated = [run.attributes for run in runs]
+    whole = scene.physics.delta is Delta.RING or stated[0]["fidelity"] == Fidelity.FULL
+    if stated[0]["mesh"] or not whole:  # cells are divided; the ring is on 1/2
+        return True
+    fine_to_coarse = np.array([layer_widths(int(one["refine"]), scene.parameters.l0) for one in stated])
+    halvings = np.log2(fine_to_coarse[1:] / fine_to_coarse[:-1])
+    return bool((np.abs(halvings - 1) <= 0.5).all())
 
 
 def _of_steps(scene: Scene, run: Run, quantity: str, t: float) -> float:
