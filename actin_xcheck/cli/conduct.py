@@ -206,11 +206,19 @@ def lasting(seconds: float) -> str:
     return f"{max(seconds, 1):.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
 
 
+def of_two(file: Path) -> bool:
+    """Whether a report of `compare` lays two runs or reports side by side."""
+    from actin_xcheck.runs.store import reading
+
+    with reading(file, "report of a study") as stored:
+        return "differs" in stored["tables"]
+
+
 def page_of(file: Path) -> Path:
     """Write the page of a study from its file and return its path: most have the same."""
     if file.name == "paper.h5":  # each loads what its study is made of
         from actin_xcheck.studies.audit import write_audit_page as write
-    elif file.name == "compare.h5":
+    elif file.name == "compare.h5" and not of_two(file):
         from actin_xcheck.studies.compare_page import write_comparison_page as write
     else:
         from actin_xcheck.report.page import write_page as write

@@ -56,9 +56,11 @@ def compare(
     Fig. 14, and two cells with no parameter of Table 2.  Default methods: elements and finite volumes, each
     with a force balance of its own, of second order, and in the article's scheme for scenes of the article.
     Where elements and volumes part, the volumes are run with the elements' force balance too: it says whether
-    transport or mechanics is what differs.  With --accuracy each code is as fine as that needs.  Exit code 0
-    when all claims hold, 1 when one fails, 2 for a mistake in what was asked.
+    transport or mechanics is what differs.  With --accuracy each code is as fine as that needs.  Two runs
+    (A.vtkhdf B.vtkhdf) or two folders with reports are laid side by side instead.  Exit code 0 when all claims
+    hold, 1 when one fails, 2 for a mistake in what was asked.
     """
+    from actin_xcheck.core.errors import UserError
     from actin_xcheck.runs.method import find_methods
     from actin_xcheck.runs.numerics import CHOSEN, Wanted
     from actin_xcheck.scene.scene import load_scenes
@@ -66,6 +68,14 @@ def compare(
     from actin_xcheck.studies.compare import DEFAULT_SCENES, TO_AN_ACCURACY, compare_to, jobs_of
     from actin_xcheck.studies.compare import compare as study
 
+    if any(Path(one).suffix == ".vtkhdf" or Path(one).is_dir() for one in scenes or ()):
+        from actin_xcheck.studies.side_by_side import side_by_side
+
+        if (methods, refine, dt, rtol, accuracy) != (None,) * 5:
+            raise UserError(
+                "--method, --refine, --dt, --rtol, --accuracy: are for scenes; valid: none of them"
+            )
+        return side_by_side(scenes or ())
     check_step(dt)
     loaded = load_scenes(scenes or DEFAULT_SCENES)
     if accuracy is not None:
