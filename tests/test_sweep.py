@@ -13,6 +13,7 @@ import actin_xcheck
 from actin_xcheck.cli.output import SweepAnswer
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Fidelity
+from actin_xcheck.report.exhibits import read_chapters
 from actin_xcheck.runs import accuracy as accuracies
 from actin_xcheck.runs import executor as executors
 from actin_xcheck.runs.executor import executor
@@ -20,6 +21,7 @@ from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies import sweep as sweeping
 from actin_xcheck.studies.sweep import LOG, SweepRun, finished, read_table
+from actin_xcheck.studies.sweep.charts import chapters_of
 from actin_xcheck.studies.sweep.plan import points_of
 from tests.processes import cluster, started, wait_until
 from tests.test_cli import cli, one_line
@@ -326,3 +328,40 @@ def test_a_mistake_beside_an_accuracy_is_one_line(methods, options, said, tmp_pa
     path = sweep_file(tmp_path, SMALL)
     with pytest.raises(UserError, match=said):
         actin_xcheck.sweep(path, methods, out=tmp_path / "out", **{"accuracy": 1e-3, **options})
+
+
+def test_a_page_shows_every_column_over_the_ranges(tmp_path):
+    """psi and p over a rectangle: lines with the table's numbers, a map of outcomes, a cell a run."""
+    asked = 'scene = "static-decay"\n[over.parameters]\npsi = [0, 1, 2]\np = [0.1, 0.3]\n'
+    file, out = sweep_file(tmp_path, asked + '[over.model]\ndelta = ["full"]\n'), tmp_path / "out"
+    table = actin_xcheck.sweep(file, "fem-p1-paper", out=out, jobs=1, refine=1, dt=0.1)
+    names = [Path(each).name.rpartition("--")[0] for each in table["file"]]
+    assert names[:2] == ["psi-0--p-0.1", "psi-0--p-0.3"]
+    with h5py.File(tmp_path / "out" / "sweep.h5") as file:
+        columns, cells = read_chapters(file["exhibits"])
+    shown = {one.key: one for one in columns.exhibits}
+    low, high = shown["area"].lines
+    assert (low.label, high.label) == ("p = 0.1", "p = 0.3")
+    of_high = table["parameters.p"] == 0.3
+    assert np.array_equal(high.x, table["parameters.psi"][of_high])
+    assert np.array_equal(high.y, table["area"][of_high])
+    assert shown["outcomes"].names == ("completed",)
+    assert shown["outcomes"].codes.shape == (2, 3)
+    assert [len(one.shots) for one in cells.exhibits] == [6]
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "6 of 6" in page
+
+
+def test_what_did_not_complete_is_red_in_charts():
+    columns = {
+        "scene": np.array(["one"] * 3),
+        "parameters.psi": np.array([1.0, 2.0, 3.0]),
+        "method": np.array(["fem"] * 3),
+        "outcome": np.array(["completed", "completed", "tangled"]),
+        "area": np.array([3.0, 3.1, 2.0]),
+        "file": np.array([""] * 3),
+    }
+    (chapter,) = chapters_of(Path(), columns, ("parameters.psi",))
+    good, bad = chapter.exhibits[0].lines
+    assert (good.red, bad.red, bad.said) == (False, True, ("tangled",))
+    assert np.array_equal(good.y, [3.0, 3.1])

@@ -16,6 +16,7 @@ from actin_xcheck.cli.conduct import Json, page_of, print_table, scene_word
 from actin_xcheck.cli.judge import judge
 from actin_xcheck.cli.nightly import diff_command, history_command, nightly_command
 from actin_xcheck.cli.run import export_command, render_command, run_command
+from actin_xcheck.cli.sweep import sweep_command
 from actin_xcheck.core.errors import LONGEST, UserError, brief
 from actin_xcheck.runs.processes import end_all, ending_signals
 
@@ -36,7 +37,7 @@ app.command("judge")(judge)
 app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
 app.command("chart")(studies.chart)
-app.command("sweep")(studies.sweep_command)
+app.command("sweep")(sweep_command)
 app.command("render")(render_command)
 app.command("export")(export_command)
 app.command("frontier")(studies.frontier)

@@ -108,7 +108,7 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             study = asked_for(**asked)  # a mistake makes no folder
             wanted = jobs_asked(jobs, scheduler)
             if dry_run:
-                _say_the_cost(words or name, study, wanted, json)
+                say_the_cost(words or name, study, wanted, json)
             folder = report_folder(out_dir, name)
             report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
             if open_page:
@@ -151,7 +151,7 @@ def carry_out(
         return report, page_of(folder / f"{name}.h5")
 
 
-def _say_the_cost(words: str, study: "Study", workers: int | None, json: bool) -> NoReturn:
+def say_the_cost(words: str, study: "Study", workers: int | None, json: bool) -> NoReturn:
     """Say what a study asks for first, and about how long that takes; what it asks next depends on it."""
     import os
 

@@ -36,6 +36,7 @@ class SweepAnswer(Answer):
     folder: str
     table: str
     """The table in CSV; beside it lies the same in HDF5."""
+    page: str
     runs: int
     made: int
     """Runs that had no file before."""

@@ -1,9 +1,8 @@
 """The commands of the studies: what each is asked, and what it is asked by default.
 
-Options that all of them have stand in `conduct.py`; a sweep, whose answers are files, has its own.
+Options that all of them have stand in `conduct.py`; a sweep, whose answers are files, is in `sweep.py`.
 """
 
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,33 +11,23 @@ import typer
 from actin_xcheck.cli.conduct import (
     Accuracy,
     Dt,
-    Force,
-    Json,
     Listed,
     Methods,
     Only,
-    Quiet,
     Refine,
     Rtol,
     Scenes,
     SceneWord,
-    Scheduler,
     Seed,
     check_step,
-    command,
-    each,
-    method_word,
     print_names,
     scene_word,
     study_command,
     warn_of,
 )
-from actin_xcheck.core.parameters import Fidelity
 
 if TYPE_CHECKING:
-    from actin_xcheck.cli.output import SweepAnswer
     from actin_xcheck.studies.study import Study
-    from actin_xcheck.studies.sweep import SweepTable
 
 
 @study_command("compare")
@@ -57,8 +46,8 @@ def compare(
     with a force balance of its own, of second order, and in the article's scheme for scenes of the article.
     Where elements and volumes part, the volumes are run with the elements' force balance too: it says whether
     transport or mechanics is what differs.  With --accuracy each code is as fine as that needs.  Two runs
-    (A.vtkhdf B.vtkhdf) or two folders with reports are laid side by side instead.  Exit code 0 when all claims
-    hold, 1 when one fails, 2 for a mistake in what was asked.
+    (A.vtkhdf B.vtkhdf) or two folders with reports are laid side by side instead.  Exit code 0 when all
+    claims hold, 1 when one fails, 2 for a mistake in what was asked.
     """
     from actin_xcheck.core.errors import UserError
     from actin_xcheck.runs.method import find_methods
@@ -335,75 +324,3 @@ def coverage(
     if accuracy:
         return deliveries([*load_scenes(MODES), *drawn(seed, count)], accuracy, made)
     return study([*load_scenes(KNOWN), *drawn(seed, count)], find_methods(methods or STATING), made)
-
-
-def sweep_command(
-    file: Annotated[Path, typer.Argument(help="A TOML file of ranges over a scene, or of scenes.")],
-    method: Annotated[
-        list[str], typer.Option(help="May be given more than once.", callback=each(method_word))
-    ],
-    out_dir: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the results; one that is there goes on.")
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, max=1024)
-    ] = None,
-    scheduler: Scheduler = None,
-    refine: Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers.", min=1, max=10)] = None,
-    dt: Annotated[float | None, typer.Option(help="Largest time step.", min=1e-12)] = None,
-    rtol: Rtol = None,
-    accuracy: Accuracy = None,
-    fidelity: Annotated[
-        Fidelity, typer.Option(help="How much of the model is solved; auto: what each scene needs.")
-    ] = Fidelity.AUTO,
-    force: Force = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Run a scene over ranges of its keys, or many scenes, each run a file of its own, and make one table.
-
-    Files are named by scene, method and version: what is there is not run again, so that an interrupted sweep
-    goes on when it is asked for again, and so does a larger one in the same folder; --force runs all again.
-    A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for
-    a mistake in what was asked.
-    """
-    from actin_xcheck.cli.conduct import kept_in, saying_the_cost
-    from actin_xcheck.cli.progress import Progress
-    from actin_xcheck.core.files import make_folder, report_folder
-    from actin_xcheck.runs.executor import jobs_asked
-    from actin_xcheck.runs.numerics import Wanted
-    from actin_xcheck.studies.sweep import carry_out, runs_of
-
-    processes = jobs_asked(jobs, scheduler)
-    asked = Wanted(method[0], refine, dt, rtol, fidelity, accuracy=accuracy)
-    folder = report_folder(out_dir, "sweep")
-    runs = runs_of(file, method, asked, command())
-    make_folder(folder)
-    with Progress(quiet) as progress, kept_in(folder):
-        tell = saying_the_cost(progress, processes)
-        table, made = carry_out(runs, folder, processes, scheduler, tell, command(), force)
-    raise typer.Exit(_told(_answer(table, made), json))
-
-
-def _told(answer: "SweepAnswer", json: bool) -> int:
-    """Say what a sweep has made, and return the exit code."""
-    from actin_xcheck.cli.output import say
-    from actin_xcheck.core.errors import Ending
-
-    if json:
-        say(answer)
-    else:
-        endings = ", ".join(f"{count} {ending}" for ending, count in answer.outcomes.items())
-        print(f"{answer.runs} runs, {answer.made} of them made now: {endings}; table: {answer.table}")
-    return 0 if set(answer.outcomes) <= {Ending.COMPLETED} else 1
-
-
-def _answer(table: "SweepTable", made: int) -> "SweepAnswer":
-    from actin_xcheck.cli.output import SweepAnswer
-    from actin_xcheck.studies.sweep import CSV_NAME
-
-    outcomes = dict(Counter(table["outcome"].tolist()).most_common())
-    folder, runs = table.folder, len(table)
-    return SweepAnswer(
-        folder=str(folder), table=str(folder / CSV_NAME), runs=runs, made=made, outcomes=outcomes
-    )

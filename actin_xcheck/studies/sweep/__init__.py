@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from actin_xcheck.core.errors import Ending, UserError, brief
 from actin_xcheck.core.files import replace_file
+from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.accuracy import OutOfReach, deliver, first_two
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
@@ -30,6 +31,7 @@ from actin_xcheck.runs.vtkhdf import whole
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.journal import Journal, key_of, stated
 from actin_xcheck.studies.study import Report, Study, Table, Task, Tell, at_work, report_of, write_report
+from actin_xcheck.studies.sweep.charts import chapters_of
 from actin_xcheck.studies.sweep.plan import SweepPoint, points_of
 
 ERROR = "error"
@@ -46,12 +48,15 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class SweepRun:
-    """A run to be made: a scene (TOML) and where that comes from, numerics, and the sweep's command."""
+    """A run to be made: a scene (TOML) and where that comes from, numerics, the sweep's command, and words
+    for what was varied, by which its file begins.
+    """
 
     text: str
     origin: str = field(compare=False)
     numerics: Wanted
     command: str = field(compare=False, default="")
+    words: str = field(compare=False, default="")
 
     @property
     def key(self) -> str:
@@ -64,7 +69,7 @@ class SweepRun:
     @property
     def file(self) -> str:
         """Where it goes, in the sweep's folder."""
-        return f"runs/{self.key}.vtkhdf"
+        return f"runs/{self.words}{self.key}.vtkhdf"
 
     @property
     def task(self) -> Task:
@@ -188,7 +193,7 @@ def runs_of(path: Path, methods: Sequence[str], asked: Wanted, command: str) -> 
             raise UserError(
                 f"--accuracy: not with --method {', '.join(others)}; valid: --method {asked.method} alone"
             )
-        return [(point, SweepRun(point.text, point.origin, asked, command)) for point in points_of(path)]
+        return [(point, _asked(point, asked, command)) for point in points_of(path)]
     known = [find_method(name) for name in dict.fromkeys(methods)]
     if asked.rtol is not None and not any(method.adaptive for method in known):
         adaptive = ", ".join(name for name, method in METHODS.items() if method.adaptive)
@@ -196,11 +201,20 @@ def runs_of(path: Path, methods: Sequence[str], asked: Wanted, command: str) -> 
     numerics = [
         replace(asked, method=method.name, rtol=asked.rtol if method.adaptive else None) for method in known
     ]
-    return [
-        (point, SweepRun(point.text, point.origin, each, command))
-        for point in points_of(path)
-        for each in numerics
-    ]
+    return [(point, _asked(point, each, command)) for point in points_of(path) for each in numerics]
+
+
+def _asked(point: SweepPoint, numerics: Wanted, command: str) -> SweepRun:
+    """A run by its point; its file begins with what was varied, as "psi-3--p-0.26--", where that is short."""
+    said = (
+        f"{key.rpartition('.')[2]}-{value:.6g}" for key, value in point.values.items() if _is_number(value)
+    )
+    words = "".join(f"{one}--" for one in said)
+    return SweepRun(point.text, point.origin, numerics, command, words if len(words) <= 100 else "")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def sweep(runs: Runs, tasks: Sequence[Task]) -> Study:
@@ -340,10 +354,13 @@ def table_of(folder: Path, rows: Sequence[Row]) -> SweepTable:
 
 
 def write(folder: Path, said: Report, command: str) -> None:
-    """Write `sweep.h5` and `sweep.csv` into the sweep's folder, each whole or not at all."""
-    write_report(folder / FILE_NAME, "sweep", said, command)
+    """Write `sweep.h5`, `sweep.csv` and the page into the sweep's folder, each whole or not at all."""
     columns = said.tables["runs"].rows
     assert isinstance(columns, Mapping)
+    varied = [name for name in columns if "." in name]
+    chapters = chapters_of(folder, columns, varied)
+    write_report(folder / FILE_NAME, "sweep", replace(said, chapters=chapters), command)
+    write_page(folder / FILE_NAME)
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(columns)
@@ -368,7 +385,7 @@ def read_table(folder: str | Path) -> SweepTable:
 
 def _column(values: Sequence[Any]) -> NDArray[Any]:
     given = [value for value in values if value is not None]
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in given):
+    if all(map(_is_number, given)):
         return np.array([np.nan if value is None else value for value in values], dtype=float)
     return np.array(["" if value is None else _text(value) for value in values], dtype=str)
 
