@@ -111,13 +111,14 @@ def _kill_yourself(kind: Kind, path: Path, moment: str) -> None:
     def die(*_: object) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
-    write, move = Path.write_bytes, os.replace
+    write, move = files.write_through, os.replace
 
-    def half(file: Path, content: bytes) -> int:
+    def half(file: Path, content: bytes) -> None:
         nonlocal count
         count += 1
         write(file, content[: len(content) // 2] if count == 3 else content)
-        return die() if count == 3 else len(content)
+        if count == 3:
+            die()
 
     def placed(source: Path, destination: Path) -> None:
         last = destination == path
@@ -128,7 +129,7 @@ def _kill_yourself(kind: Kind, path: Path, moment: str) -> None:
             die()
 
     if moment == "half written":
-        Path.write_bytes = half  # type: ignore[method-assign, assignment]
+        files.write_through = half
     files.os.replace = placed  # type: ignore[assignment]
     go(kind, path)
 
@@ -206,13 +207,13 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, expected) -> Non
 def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch) -> None:
     page = tmp_path / "index.html"
     replace_file(page, b"old")
-    write = Path.write_bytes
+    write = files.write_through
 
-    def full(file: Path, content: bytes) -> int:
+    def full(file: Path, content: bytes) -> None:
         write(file, content[:1])
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(files, "write_through", full)
     with pytest.raises(UserError, match=r"index.html: cannot be written \(No space left on device\)"):
         replace_file(page, b"new")
     assert [*tmp_path.iterdir()] == [page]

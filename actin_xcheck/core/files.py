@@ -7,7 +7,7 @@ import sqlite3
 from collections.abc import Container, Iterator
 from contextlib import closing, contextmanager, nullcontext, suppress
 from datetime import datetime
-from errno import ENOLCK, ENOSYS, EOPNOTSUPP
+from errno import EINVAL, ENOLCK, ENOSYS, EOPNOTSUPP
 from pathlib import Path
 from warnings import catch_warnings
 
@@ -21,6 +21,9 @@ if os.name == "posix":
 _NO_LOCKS = (ENOLCK, ENOSYS, EOPNOTSUPP)
 """What file systems without locks say: NFS where its lock daemon is not running, some of clusters."""
 
+_NO_FOLDERS = (EINVAL, ENOSYS, EOPNOTSUPP)
+"""What file systems say that have a folder's names on the disk by themselves, or never."""
+
 _PATIENCE = 60.0
 """Seconds to wait for another process that is at work in a database."""
 
@@ -28,18 +31,46 @@ _PATIENCE = 60.0
 def replace_file(path: Path, content: bytes) -> None:
     """Write a file beside its destination and rename it into place.
 
-    At any moment `path` holds what it held before or all of `content`, whoever kills the process.  UserError
-    where it cannot be written.
+    At any moment `path` holds what it held before or all of `content`, whoever kills the process and whenever
+    the power fails; when this returns it holds `content` for good.  UserError where it cannot be written.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         try:
-            beside.write_bytes(content)
-            os.replace(beside, path)
+            write_through(beside, content)
+            publish(beside, path)
         finally:
-            beside.unlink(missing_ok=True)
+            with suppress(OSError):  # what it would say is less than what has gone wrong
+                os.unlink(beside)
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def write_through(path: Path, content: bytes) -> None:
+    """Write a file that a loss of power leaves as it is, but for its name; OSError where that cannot be."""
+    number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
+    try:
+        left = memoryview(content)
+        while left:
+            left = left[os.write(number, left) :]
+        os.fsync(number)
+    finally:
+        os.close(number)
+
+
+def publish(beside: Path, path: Path) -> None:
+    """Rename a file that is written through, and have the name on the disk; OSError where that cannot be."""
+    os.replace(beside, path)
+    if os.name != "posix":
+        return
+    number = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in _NO_FOLDERS:
+            raise
+    finally:
+        os.close(number)
 
 
 def new_folder(wanted: Path, taken: Container[str] = ()) -> Path:
@@ -141,6 +172,7 @@ def database(path: Path, mode: str) -> Iterator[sqlite3.Connection]:
         locked(file, _PATIENCE) if lockless else nullcontext(),
         closing(sqlite3.connect(address, _PATIENCE, isolation_level=None, uri=True)) as rows,
     ):
+        rows.execute("PRAGMA synchronous = EXTRA")  # what is committed outlasts a loss of power at once
         yield rows
 
 

@@ -8,7 +8,6 @@ it is cheap; the tolerance that they need then serves all finer levels.
 """
 
 import math
-import os
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from actin_xcheck.core.errors import Outcome, UserError
+from actin_xcheck.core.files import publish
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.march import Progress
 from actin_xcheck.runs.method import METHODS, Method
@@ -158,7 +158,7 @@ def deliver(
 
         reached = _Climb(scene, accuracy, beside, reduction, solve).to_the_finest_needed(levels)
         annotate(beside, {"accuracy": accuracy, "error_estimate": reached.estimate})
-        os.replace(beside, path)
+        publish(beside, path)
     if reached.outcome.ok and not reached.estimate <= accuracy:
         raise OutOfReach(
             f"--accuracy: {accuracy:g} is out of reach; "

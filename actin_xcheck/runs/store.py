@@ -12,7 +12,7 @@ series, from which it goes on.
 
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -184,7 +184,8 @@ class RunWriter:
         if _CHECKPOINT in self._file["run"]:
             del self._file["run"][_CHECKPOINT]
         self._put(self._path, outcome, wall_seconds)
-        unfinished(self._path).unlink(missing_ok=True)
+        with suppress(OSError):  # the run is there; what is left of it does no harm
+            unfinished(self._path).unlink()
 
     def __enter__(self) -> Self:
         return self

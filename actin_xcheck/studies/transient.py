@@ -13,6 +13,7 @@ import numpy as np
 import tomli_w
 from scipy.optimize import minimize_scalar
 
+from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.report.exhibits import Chapter, Line, Plot, Sheet
 from actin_xcheck.runs.method import PERTURBATIONS, POWERS, load
@@ -107,7 +108,7 @@ def largest(case: Case, folder: Path) -> Transient:
     peak, at = _peak(found, growth)
     finer = load(PERTURBATIONS)(model, case.m, 4, 16).growth(at) if at else 1.0
     if at:
-        (folder / scene_file(case)).write_text(start_scene(case, at, found), encoding="utf-8")
+        replace_file(folder / scene_file(case), start_scene(case, at, found).encode())
     return Transient(
         *of,
         rate=found.leading_rate,
