@@ -168,8 +168,8 @@ GRID = [*GRID_OF_PAIRS[:-1], (3, 80), (3, 160)]
 def by_each(names, every_push):
     """Some scenes by both codes; at night all, also by volumes to which the elements lend their balance."""
     quick = {(name, method) for name in every_push for method in (FEM, OWN)}
-    for case in ((name, method) for name in names for method in (FEM, OWN, FV)):
-        yield case if case in quick else pytest.param(*case, marks=pytest.mark.nightly)
+    cases = [(name, method) for name in names for method in (FEM, OWN, FV)]
+    return [case if case in quick else pytest.param(*case, marks=pytest.mark.nightly) for case in cases]
 
 
 @pytest.mark.slow
