@@ -355,8 +355,9 @@ def _short(scene: Scene, method: Method, place: Path) -> Run:
 
 
 def _seen(there: Run, matrix: Array) -> Run:
-    """A run whose probes are seen in another frame."""
-    return replace(there, series=there.series | {"probe_x": there.series["probe_x"] @ matrix})
+    """A run whose probes and centroid are seen in another frame."""
+    turned = {name: there.series[name] @ matrix for name in ("probe_x", "centroid")}
+    return replace(there, series=there.series | turned)
 
 
 def _row(checked: CheckedScene) -> RandomRow:
