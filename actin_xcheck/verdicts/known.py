@@ -19,6 +19,9 @@ from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.theory.eigenfields import growth_rate
 
+ESTIMATED = 3.0
+"""Safety factor of an estimate that nothing confirms, as of Richardson's where no order does."""
+
 PRINTED = 1e-9
 """Reference values are printed to ten digits at most."""
 
@@ -92,7 +95,7 @@ def _beyond_linear(scene: Scene, rate: complex) -> float:
     if start is None:
         return 0.0
     largest = start.amplitude * np.exp(max(rate.real, 0.0) * expected.window[1])
-    return float(scene.physics.feeding() * largest ** (2 if expected.m else 1))
+    return float(ESTIMATED * scene.physics.feeding() * largest ** (2 if expected.m else 1))
 
 
 def _exact(scene: Scene, quantity: str, t: float) -> Known | None:
