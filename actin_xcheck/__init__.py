@@ -1,7 +1,8 @@
 """actin_xcheck: a verification laboratory for a moving-cell model.
 
-For notebooks and scripts the package has five names, which do what the commands do: `run`, `load`,
-`cross_check`, `sweep` and `render`, see `actin_xcheck.api`.  They are loaded when they are first used.
+For notebooks and scripts the package has eight names, which do what the commands do: `run`, `load`,
+`predict`, `cross_check`, `converge`, `chart`, `sweep` and `render`, see `actin_xcheck.api`.  They are
+loaded when they are first used.
 
 Importing this package pins BLAS and OpenMP to one thread unless the user has chosen otherwise: the
 matrices here are sparse, and threaded BLAS on a shared machine only makes timings meaningless.  It must
@@ -12,14 +13,14 @@ import os
 
 TYPE_CHECKING = False  # `typing` itself would be looked for in the working directory, see `__main__`
 if TYPE_CHECKING:
-    from actin_xcheck.api import cross_check, load, render, run, sweep
+    from actin_xcheck.api import chart, converge, cross_check, load, predict, render, run, sweep
 
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 __version__ = "0.1.0"
 
-__all__ = ["cross_check", "load", "render", "run", "sweep"]
+__all__ = ["chart", "converge", "cross_check", "load", "predict", "render", "run", "sweep"]
 
 
 def __getattr__(name: str) -> object:

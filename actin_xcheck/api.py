@@ -5,9 +5,11 @@ that fails is a result like any other, and says so in its `outcome`.  `cross_che
 processes: a script calls them under `if __name__ == "__main__":`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import make_folder, report_folder
@@ -18,18 +20,54 @@ from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.method import find_methods
 from actin_xcheck.runs.numerics import Wanted
 from actin_xcheck.runs.store import Run, read_run
-from actin_xcheck.scene.scene import Scene, load_scene, load_scenes
+from actin_xcheck.scene.scene import Scene, load_scene, load_scenes, parse_scene
 from actin_xcheck.studies import compare as comparison
 from actin_xcheck.studies import sweep as sweeping
 from actin_xcheck.studies.compare import Comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
-from actin_xcheck.studies.study import at_work, carry_out
+from actin_xcheck.studies.study import Report, Study, at_work, carry_out
 from actin_xcheck.studies.sweep import SweepTable
 
-__all__ = ["cross_check", "load", "render", "run", "sweep"]
+__all__ = ["chart", "converge", "cross_check", "load", "predict", "render", "run", "sweep"]
 
 
-def load(path: str | Path) -> Run:
+class ShownRun(Run):
+    """A run that shows itself in notebooks, and hands itself on."""
+
+    def _repr_html_(self) -> str:
+        from actin_xcheck.report.notebook import html_of_run
+
+        return html_of_run(self)
+
+    def to_pandas(self) -> Any:
+        """The series, a row a step, as a `pandas.DataFrame`, for which pandas must be installed."""
+        import pandas
+
+        from actin_xcheck.report.notebook import columns_of
+
+        return pandas.DataFrame(columns_of(self.series)).set_index("time")
+
+    def to_xarray(self) -> Any:
+        """The film as an `xarray.Dataset` over time, node and cell, for which xarray must be installed."""
+        import xarray
+
+        at_nodes = {"x": self.points, "u": self.u, "v": self.v}
+        fields: dict[str, Any] = {
+            name: (("time", "axis", "node"), values) for name, values in at_nodes.items()
+        }
+        fields |= {"a": (("time", "node"), self.a_points), "a_cells": (("time", "cell"), self.a_cells)}
+        fields |= {"xi": (("axis", "node"), self.xi), "cells": (("corner", "cell"), self.cells)}
+        said = {
+            name: value for name, value in self.attributes.items() if isinstance(value, str | int | float)
+        }
+        return xarray.Dataset(fields, {"time": self.times, "axis": ["x", "y"]}, said)
+
+
+def _shown(run: Run) -> ShownRun:
+    return ShownRun(**{one.name: getattr(run, one.name) for one in fields(run)})
+
+
+def load(path: str | Path) -> ShownRun:
     """Return a stored run as arrays.
 
     Returns
@@ -40,13 +78,13 @@ def load(path: str | Path) -> Run:
     (3, k^2 n_cells) between them for whoever plots; `series` with a row per time step: `time`, `area`,
     `total_actin` and so on; `attributes`: `outcome`, `scene`, `method_name`, `commit` and so on.
 
-    UserError where `path` is no run.
+    It shows itself in notebooks; `to_pandas` and `to_xarray` hand it on.  UserError where `path` is no run.
     """
-    return read_run(Path(path))
+    return _shown(read_run(Path(path)))
 
 
 def run(
-    scene: Scene | str | Path,
+    scene: Scene | Mapping[str, Any] | str | Path,
     method: str,
     *,
     refine: int | None = None,
@@ -54,24 +92,26 @@ def run(
     rtol: float | None = None,
     accuracy: float | None = None,
     fidelity: str = Fidelity.AUTO,
+    remesh: bool = False,
     out: str | Path | None = None,
-) -> Run:
+) -> ShownRun:
     """Run a scene with a method, as the command `run` does, and return it as `load` would.
 
     Parameters
     ----------
-    scene : a shipped name, the path of a TOML file, or what `scene.scene.load_scene` returns.
+    scene : a shipped name, the path of a TOML file, its tables as a dict, or what `scene.scene.load_scene`
+        returns.
     method : a name out of `actin_xcheck.runs.method.METHODS`.
     refine, dt : the mesh has 2**refine layers, steps are of at most dt; else as published, else 5 and 100
         steps.
     rtol : largest local error of a step, for an adaptive method.
     accuracy : largest error of area, total actin and probes; method "fem" then chooses mesh and steps.
     fidelity : how much of the model is solved, a name out of `Fidelity`.
+    remesh : whether the mesh is replaced when it is about to fold.
     out : a `.vtkhdf` to keep, replaced where it exists; without one nothing is kept on disk.
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(scene)
-    asked = Wanted(method, refine, dt, rtol, _fidelity(fidelity), accuracy=accuracy)
+    scene = _scene(scene)
+    asked = Wanted(method, refine, dt, rtol, _fidelity(fidelity), remesh=remesh, accuracy=accuracy)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.vtkhdf" if out is None else Path(out)
         make_folder(path.parent)
@@ -79,7 +119,92 @@ def run(
             runs.run(scene, asked.on(scene), path, "actin_xcheck.run")
         else:
             deliver(scene, accuracy, path, "actin_xcheck.run", wanted=asked.fidelity)
-        return read_run(path)
+        return _shown(read_run(path))
+
+
+def predict(
+    scene: Scene | Mapping[str, Any] | str | Path, m: Iterable[int] = range(9), above: float = 0.0
+) -> list[dict[str, Any]]:
+    """Return every growth rate above a bound by angular number m: dicts with `m` and the complex `rate`.
+
+    The scene's delta must be constant where its pressure sees it (UserError); nothing is run.
+    """
+    from actin_xcheck.theory.exact import DiskModes
+
+    model = _scene(scene).physics
+    try:
+        return [
+            {"m": number, "rate": complex(rate)}
+            for number in m
+            for rate in DiskModes(model, number).rates(above)
+        ]
+    except (ValueError, ArithmeticError) as error:
+        raise UserError(f"predict: {error}") from None
+
+
+def converge(
+    scene: str | Path,
+    methods: Sequence[str],
+    *,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    force: bool = False,
+) -> Report:
+    """Refine h and dt and return the report with observed orders, as the command `converge` does."""
+    from actin_xcheck.studies.converge import converge as study
+    from actin_xcheck.studies.converge.plan import refinements_of
+
+    asked = refinements_of(load_scene(scene), find_methods(list(methods)))
+    return _carried("converge", study(list(asked)), out, jobs, scheduler, force)
+
+
+def chart(
+    scene: str | Path,
+    methods: Sequence[str] | None = None,
+    *,
+    quick: bool = False,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    force: bool = False,
+) -> Report:
+    """Chart error against time, work and memory and return the report, as the command `chart` does."""
+    from actin_xcheck.studies.chart import chart as study
+    from actin_xcheck.studies.chart import default_methods
+    from actin_xcheck.studies.chart.measure import QUICK, WHOLE
+
+    chosen = find_methods(list(methods or default_methods()))
+    asked = study(load_scene(scene), chosen, QUICK if quick else WHOLE)
+    return _carried("chart", asked, out, jobs, None, force)
+
+
+def _carried(
+    name: str,
+    study: Study,
+    out: str | Path | None,
+    jobs: int | None,
+    scheduler: str | None,
+    force: bool,
+) -> Report:
+    """Carry a study out in a folder, write its page and return its report."""
+    from actin_xcheck.report.page import write_page
+
+    wanted = jobs_asked(jobs, scheduler)
+    folder = make_folder(report_folder(None if out is None else Path(out), name))
+    with at_work(folder, force), executor(wanted, scheduler) as processes:
+        report = carry_out(name, study, folder, f"actin_xcheck.{name}", processes, lambda *told: None)
+        write_page(folder / f"{name}.h5")
+    return report
+
+
+def _scene(given: Scene | Mapping[str, Any] | str | Path) -> Scene:
+    if isinstance(given, Scene):
+        return given
+    if isinstance(given, Mapping):
+        import tomli_w
+
+        return parse_scene(tomli_w.dumps(dict(given)), str(given.get("name", "scene")))
+    return load_scene(given)
 
 
 def cross_check(
@@ -92,6 +217,7 @@ def cross_check(
     out: str | Path | None = None,
     jobs: int | None = None,
     scheduler: str | None = None,
+    force: bool = False,
 ) -> Comparison:
     """Hold methods against theory, exact solutions and each other, as the command `compare` does.
 
@@ -102,6 +228,7 @@ def cross_check(
     refine, dt, rtol : as for `run`; `rtol` for the adaptive methods among them.
     out : folder for runs and report, which goes on with what lies there; else `reports/compare-<date>`.
     jobs, scheduler : as for `sweep`.
+    force : begin anew in a folder that is there.
 
     Returns
     -------
@@ -112,7 +239,7 @@ def cross_check(
     chosen = find_methods(methods) if methods else None
     runs_asked = comparison.jobs_of(load_scenes(wanted), chosen, refine, dt, rtol)
     folder = make_folder(report_folder(None if out is None else Path(out), "compare"))
-    with at_work(folder), executor(processes_asked, scheduler) as processes:
+    with at_work(folder, force), executor(processes_asked, scheduler) as processes:
         study = comparison.compare(runs_asked)
         carry_out("compare", study, folder, "actin_xcheck.cross_check", processes, lambda *told: None)
         write_comparison_page(folder / comparison.FILE_NAME)

@@ -77,10 +77,11 @@ def test_importing_the_package_loads_nothing_and_pins_one_thread() -> None:
     assert not loaded_by("from actin_xcheck import run, load, sweep") & others
 
 
-def test_the_interface_has_its_five_names_and_no_other() -> None:
+def test_the_interface_has_its_eight_names_and_no_other() -> None:
     from actin_xcheck import api
 
-    assert actin_xcheck.__all__ == api.__all__ == ["cross_check", "load", "render", "run", "sweep"]
+    names = ["chart", "converge", "cross_check", "load", "predict", "render", "run", "sweep"]
+    assert actin_xcheck.__all__ == api.__all__ == names
     assert set(actin_xcheck.__all__) <= set(dir(actin_xcheck))
     for name in actin_xcheck.__all__:
         assert getattr(actin_xcheck, name) is getattr(api, name)

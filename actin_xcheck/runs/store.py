@@ -50,7 +50,7 @@ _ROWS_PER_CHUNK, _NUMBERS_KEPT = 256, 2**16
 """Rows, and coordinates of frames, that are gathered before they are written: each access takes its time."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Run(vtkhdf.Film):
     """A run, completed, failed or interrupted, as it was stored: its film, its series and how it came about.
 
@@ -64,6 +64,11 @@ class Run(vtkhdf.Film):
     path: Path
     attributes: dict[str, Any]
     series: dict[str, Array]
+
+    def __repr__(self) -> str:
+        said, end = self.attributes, float(self.series["time"][-1])
+        made = f"{said['scene_name']} by {said['method_name']}, refine {said['refine']}"
+        return f"<Run {made}: {said['outcome']} at t = {end:.6g}, {len(self.times)} frames>"
 
     @property
     def family(self) -> str:

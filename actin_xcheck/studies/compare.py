@@ -2,6 +2,7 @@
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from itertools import groupby
 from math import nan
 from pathlib import Path
@@ -280,7 +281,7 @@ def _row(job: Stored, times: int, ran: Ran, what: str) -> RunRow:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """A stored comparison.
 
@@ -301,6 +302,33 @@ class Comparison:
     known: tuple[KnownTo, ...]
     finals: tuple[FinalValue, ...]
     apart: tuple[Apart, ...]
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {len(self.runs)} runs: {counted(self.claims, 'claims hold')}, in {self.path}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: what scenes come to and the claims that fail."""
+        from actin_xcheck.report.notebook import table
+
+        said = [in_a_sentence(list(of)) for _, of in groupby(self.finals, lambda one: one.scene)]
+        numbers = [
+            (
+                one.scene,
+                one.words,
+                *(f"{each.name}: {each.value:.6g} ± {each.uncertainty:.1g}" for each in one.corners),
+            )
+            for one in self.finals
+        ]
+        failing = [(one.sentence,) for one in self.claims if one.judged and not one.holds]
+        parts = [f"<p>{escape(one)}</p>" for one in (repr(self)[1:-1], *said)]
+        parts += [table(("fails",), failing)] if failing else []
+        return "".join([*parts, table(("scene", "at the end", "", "", ""), numbers)])
+
+    def to_pandas(self) -> Any:
+        """The claims as a `pandas.DataFrame`, for which pandas must be installed."""
+        import pandas
+
+        return pandas.DataFrame([vars(one) | {"verdict": one.verdict} for one in self.claims])
 
 
 def read_comparison(path: Path) -> Comparison:

@@ -15,10 +15,12 @@ by itself, when they are over.  The report is written to `<name>.h5`, of which a
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import h5py
+import numpy as np
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
@@ -96,8 +98,20 @@ class Table:
     note: str = ""
     shown: tuple[str, ...] = ()
 
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """Numbers and text by column, those alone that are shown."""
+        if isinstance(self.rows, Mapping):
+            every = {name: list(values) for name, values in self.rows.items()}
+        else:
+            names = list(vars(self.rows[0])) if len(self.rows) else []
+            every = {name: [getattr(row, name) for row in self.rows] for name in names}
+        chosen = [name for name in self.shown if name in every] or list(every)
+        plain = (bool, int, float, str, np.number)
+        return {name: every[name] for name in chosen if all(isinstance(one, plain) for one in every[name])}
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Report:
     """What a study comes to.
 
@@ -125,6 +139,20 @@ class Report:
     known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     values: Sequence["FinalValue"] = ()
     command: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Report: {self.title}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: title, findings and tables."""
+        from actin_xcheck.report.notebook import table
+
+        said = "".join(f"<p>{escape(one)}</p>" for one in (self.title, *self.findings))
+        return said + "".join(
+            f"<p><b>{escape(one.title)}</b></p>{table(list(columns), zip(*columns.values(), strict=True))}"
+            for one in self.tables.values()
+            if (columns := one.columns)
+        )
 
 
 Study = Generator[Sequence[Task], list[Any], Report]

@@ -48,9 +48,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class SweepRun:
-    """A run to be made: a scene (TOML) and where that comes from, numerics, the sweep's command, and words
-    for what was varied, by which its file begins.
-    """
+    """A run to be made: scene (TOML), its origin, numerics, the sweep's command, how its file begins."""
 
     text: str
     origin: str = field(compare=False)
@@ -174,9 +172,6 @@ def _columns(name: str, value: Any) -> dict[str, float]:
         labels = "xy" if name in ("centroid", "net_force") else range(len(value))
         return {f"{name}_{label}": float(one) for label, one in zip(labels, value, strict=True)}
     return {name: float(value)}
-
-
-# the sweep
 
 
 Runs = Sequence[tuple[SweepPoint, SweepRun]]
@@ -325,7 +320,7 @@ def carry_out(
     return read_table(folder), processes.made
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SweepTable:
     """The runs of a sweep in the order in which its file asks for them.
 
@@ -345,6 +340,15 @@ class SweepTable:
 
     def __len__(self) -> int:
         return len(self.columns["outcome"])
+
+    def __repr__(self) -> str:
+        return f"<SweepTable of {len(self)} runs in {self.folder}>"
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.DataFrame`, for which pandas must be installed."""
+        import pandas
+
+        return pandas.DataFrame(self.columns)
 
 
 def table_of(folder: Path, rows: Sequence[Row]) -> SweepTable:
