@@ -32,7 +32,7 @@ JUDGED = (
     "fv",
     *(f"actin_xcheck/{name}" for name in ("theory", "verdicts", "runs")),
 )
-PRODUCT = ("compare", "growing-disk", "mode-11-wall", "lopsided-cell", "--refine", "2", "--quiet", "--force")
+PRODUCT = ("compare", "growing-disk", "mode-11-wall", "lopsided-cell", "--refine", "3", "--quiet", "--force")
 EVERYDAY = ("pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow and not nightly")
 NEAREST, PATIENCE = 3, 200.0
 """Files of tests a mutant is judged by, and seconds that they, or the product, may take."""
@@ -74,6 +74,7 @@ def mutated(mutant: Mutant) -> str:
     for one, tree in mutants(mutant.file):
         if one == mutant:
             target = list(ast.walk(tree))[mutant.place]
+            assert isinstance(target, ast.expr)
             changed = next(new for kind, new in _changes(target) if ast.unparse(new)[:120] == mutant.after)
             return ast.unparse(ast.fix_missing_locations(_Replaced(target, changed).visit(tree)))
     raise ValueError(f"{mutant} is none of its file")
@@ -234,6 +235,8 @@ def main() -> None:
         time.monotonic() + 60 * asked.minutes,
     )
     with worktree() as folder:
+        if fails(["actin_xcheck", *PRODUCT, "--out", str(folder / "mutant-report")], folder):
+            sys.exit("without a mutant the product is not green")
         for mutant in drawn:
             if time.monotonic() > end:
                 break
