@@ -24,6 +24,10 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from grimp import ImportGraph
 
 ROOT = Path(__file__).parents[1]
 JUDGED = (
@@ -133,11 +137,16 @@ def _changes(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
 
 
 @cache
-def nearest_tests(file: str) -> list[str]:
-    """Files of tests by how few imports lie between them and a file, at most `NEAREST`."""
+def _imports() -> "ImportGraph":
     import grimp
 
-    graph = grimp.build_graph("actin_xcheck", "fem", "fv", "tests", cache_dir=None)
+    return grimp.build_graph("actin_xcheck", "fem", "fv", "tests", cache_dir=None)
+
+
+@cache
+def nearest_tests(file: str) -> list[str]:
+    """Files of tests by how few imports lie between them and a file, at most `NEAREST`."""
+    graph = _imports()
     module = file[:-3].replace("/", ".").removesuffix(".__init__")
     far: dict[str, int] = {}
     ring, steps = {module}, 0
