@@ -174,7 +174,7 @@ disk; those of another package are taken to be as those of the finite elements."
 SET_UP = 0.02, 1e-4
 """Seconds of what comes before the steps, on any mesh and for each of these cells."""
 
-FIRST, LATER = 8, 0.035
+FIRST, LATER = 3, 0.035
 """Steps of chosen size: those with which every run begins; and the rest over order^2 rtol^(-1/order)."""
 
 
