@@ -230,6 +230,8 @@ class FemImex:
         gained = dt * sum(w * stage.gain for w, stage in zip(pair.b, stages, strict=True))
         wrong = pair.b - pair.b_embedded
         moved = dt * np.abs(np.tensordot(wrong, velocities, 1)).max()
+        strains = np.array([stage.move.carried for stage in stages])
+        strained = dt * np.abs(np.tensordot(wrong, strains, 1)).max(initial=0.0)
         # the mass matrix's diagonal stands for it: same norm but for a factor that no mesh changes
         spread = dt * np.sqrt(((wrong @ rates) ** 2 / matrices.diagonal()).sum() / (a @ content))
         anchor = self._anchor
@@ -237,7 +239,7 @@ class FemImex:
             anchor = Anchor(x)
         new = ImexState(
             old.t + dt, x, a, last.v, (content.sum() - before - gained) / content.sum(),
-            last.net_force, last.net_torque, float(max(moved, spread)), carried, content, anchor,
+            last.net_force, last.net_torque, float(max(moved, strained, spread)), carried, content, anchor,
         )  # fmt: skip
         return new, outcome
 

@@ -5,6 +5,7 @@ The truth is P8, whose trace of grad u, an order lower, is good to 1e-10.
 
 import re
 from functools import cache
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -180,3 +181,16 @@ def test_another_mesh_reads_what_a_rim_carries():
 
     assert np.abs(fine.read(coarse, carried(coarse)) - carried(fine)).max() < 1e-5
     assert np.abs(coarse.read(coarse, carried(coarse)) - carried(coarse)).max() < 1e-14
+
+
+def test_the_error_of_a_step_holds_that_of_what_the_rim_carries(monkeypatch):
+    """What is carried moves nodes only steps later: its own error must be seen at once."""
+    solver = bind(scene("reference-normal", "full"), Numerics(METHODS["fem-p2-imex3"], 2, 1.0))
+    state, dt = solver.init(), 1e-4
+    assert solver.step(state, dt)[0].local_error < 1e-4 * dt
+    signs = cycle((1.0, -1.0))
+    monkeypatch.setattr(FreeRim, "rate", lambda self, x, v, across, *more: next(signs) * np.ones_like(across))
+    wrong = solver.tableau.b - solver.tableau.b_embedded
+    assert solver.step(state, dt)[0].local_error == pytest.approx(
+        dt * abs(wrong[::2].sum() - wrong[1::2].sum())
+    )

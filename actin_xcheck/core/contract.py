@@ -121,8 +121,8 @@ class State:
     v : node velocities over the last step, (2, N).
     balance_residual : the scheme's own discrete conservation law, relative to total actin.
     net_force, net_torque : loads carried by the gauge of `traction-free` over the last step.
-    local_error : the method's own estimate of the error the last step made, relative: the larger of that in
-        positions (radii) and in a (L2); nan for a method without one.
+    local_error : the method's own estimate of the error the last step made, relative: the largest of that
+        in positions (radii), in a (L2) and in what is carried; nan for a method without one.
     carried : what a Mechanics carries beside positions.
     """
 
