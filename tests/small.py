@@ -117,7 +117,7 @@ SMALL: dict[str, Callable[[], Study]] = {
     "paper": lambda: paper(["fig20a", "eq3.7"], said=True),
     "predict": theory.atlas,
     "coverage": lambda: coverage(
-        [load_scene("static-decay"), scene_of("psi = 20\np = 0.3", a="1 + 0.1*x*(3 - r**2)", end=0.1)],
+        [load_scene("static-decay"), scene_of("psi = 20\np = 0.3", a="1 + 0.1*x*(3 - r**2)", end=0.02)],
         [METHODS[P1_IMEX]],
         "coverage",
         finest={1: 3},
