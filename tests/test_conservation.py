@@ -5,6 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
 from tests.lab import FEM, FV, play, scene_of
 
@@ -30,6 +34,14 @@ def test_total_actin_obeys_the_balance_at_every_step(name, method):
     film = play(load_scene(name), method, 4, load_scene(name).time.end / 40)
     assert film.residual < 1e-12
     assert len(film.states) > 40
+
+
+@pytest.mark.parametrize("rtol", [None, 1e-3])
+def test_the_steps_that_a_run_states_add_up_to_its_time(rtol, tmp_path):
+    run(load_scene("stirred"), Numerics(METHODS["fem-p1-imex2"], 1, 0.1, rtol), tmp_path / "run.vtkhdf")
+    series = read_run(tmp_path / "run.vtkhdf").series
+    assert np.cumsum(series["dt"]) == pytest.approx(series["time"], abs=1e-12)
+    assert len(series["dt"]) > 3
 
 
 @pytest.mark.parametrize("method", [FEM, FV, "fv-order2"])
