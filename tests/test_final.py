@@ -7,7 +7,8 @@ import pytest
 
 from actin_xcheck.studies.compare import read_comparison
 from actin_xcheck.studies.compare_page import differences
-from actin_xcheck.verdicts.final import FinalValue, in_a_sentence
+from actin_xcheck.verdicts.final import FinalValue, in_a_sentence, known_badly
+from actin_xcheck.verdicts.judge import KnownTo
 from actin_xcheck.verdicts.triangulate import Corner
 
 FEM, FV = Corner("FEM", 3.2018, 0.0014, "", 1.98), Corner("FV", 3.2008, 0.0017, "", 2.1)
@@ -84,3 +85,19 @@ def test_a_comparison_says_values_first_in_terminal_page_and_json(tmp_path, comm
     page = (tmp_path / "c/index.html").read_text()
     assert "Area, less that of fem-p1-imex2" in page
     assert page.index("believe") < page.index("Verdict") < page.index("What it comes to")
+
+
+@pytest.mark.parametrize(
+    ("theory", "said"),
+    [
+        ((), "known to worse than 1 %: cell (area to 1.4 %)"),
+        ((Corner("reference", 3.0, 1e-4, ""),), "known to worse than 1 %: cell (area to 1.4 %)"),
+        ((Corner("exact solution", 3.0, 0.0, ""),), ""),
+        ((Corner("exact solution", 3.3, 0.0, ""),), "known to worse than 1 %: cell (area to 9.1 %)"),
+    ],
+)
+def test_what_the_runs_are_not_sure_of_is_said_beside_the_headline(theory, said):
+    """Whatever a reference says, which is no merit of theirs; an exact solution knows their error itself."""
+    value = FinalValue("cell", ("fem",), "area", "area", (Corner("fem", 3.0, 0.042, ""), *theory))
+    assert known_badly([KnownTo("cell", 0.001, 0.001)], [value]) == said
+    assert not known_badly([KnownTo("other", 0.001, 0.001)], [value])

@@ -191,6 +191,12 @@ def known_badly(known: Sequence[KnownTo], values: Sequence[FinalValue]) -> str:
     found = []
     for one in known:
         badly = {name.replace("_", " "): error for name, error in one.errors.items() if not error <= WELL}
+        for value in values:
+            name, theory = value.quantity.replace("_", " "), value.theory
+            exact = theory is not None and theory.uncertainty == 0  # else what the runs say of themselves
+            error = value.off if exact else value.unsure
+            if value.scene == one.scene and value.is_one and error > max(WELL, badly.get(name, 0.0)):
+                badly[name] = error
         if badly and any(value.scene == one.scene for value in values):
             said = (f"{name} {_to(error)}" for name, error in badly.items())
             found.append(f"{one.scene} ({', '.join(said)})")
