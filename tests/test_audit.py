@@ -192,3 +192,28 @@ def test_krylov_carries_the_cell_by_its_stopping_rule_and_no_closure_does():
     few, many = (drift(UnprojectedKrylov(rest, mesh, n)) for n in (1, 10))
     assert drift(load(FORCE_BALANCE)(rest, mesh)) < 1e-3 * few
     assert many > 4 * few
+
+
+# scenes of the article
+
+
+def test_the_realistic_cell_has_the_groups_of_section_6():
+    parameters = load_scene("sec6-realistic").parameters
+    assert parameters.psi == pytest.approx(22.4, abs=0.05)
+    assert parameters.p == pytest.approx(0.26, abs=1e-12)
+    assert parameters.d == pytest.approx(2.42e-6, abs=5e-9)
+    assert (parameters.mu1, parameters.mu2) == pytest.approx((2.06, 5.36), abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "psi"),
+    [
+        ("fig13-mixed-02-21", 310),
+        ("fig12-mixed-31-02-21", 200),
+        ("fig14-four-fronts", 367),
+        ("fig11-two-fronts", 110),
+        ("fig11-two-fronts-single", 110),
+    ],
+)
+def test_table_5_is_converted(name, psi):
+    assert load_scene(name).parameters.psi == pytest.approx(psi * 1.3 / 1.5, rel=2e-6)

@@ -1,6 +1,7 @@
 """Bad input: one printable line, in bounded time and memory, and nothing written where nobody asked."""
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from actin_xcheck.report.exhibits import Line, Plot, Sheet
 from actin_xcheck.report.page import environment
 from actin_xcheck.scene.expression import MAX_CALLS, Expression, coordinates
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
-from actin_xcheck.scene.shelf import MAX_SIZE
+from actin_xcheck.scene.shelf import MAX_SIZE, scene_text
 from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.claims import claim
 from tests.hostile import MEGABYTES, campaign, summary
@@ -153,6 +154,20 @@ def test_files_that_are_no_files(tmp_path):
         with pytest.raises(UserError, match=reason) as refusal:
             load_scene(tmp_path / f"{name}.toml")
         assert str(refusal.value).isprintable()
+
+
+def test_files_that_are_no_scenes(tmp_path):
+    folder, text = tmp_path / "folder.toml", tmp_path / "latin.toml"
+    folder.mkdir()
+    text.write_bytes("name = 'é'".encode("latin-1"))
+    with pytest.raises(UserError, match=re.escape(f"{folder}: cannot be read (Is a directory)")):
+        load_scene(folder)
+    with pytest.raises(UserError, match=re.escape(f"{text}: not UTF-8 text")):
+        load_scene(text)
+    with pytest.raises(UserError, match=r"absent.toml: cannot be read \(No such file or directory\)"):
+        scene_text(tmp_path / "absent.toml")
+    with pytest.raises(UserError, match="cannot be read"):
+        load_scene("a\0b.toml")
 
 
 def test_the_bound_on_work_leaves_room_for_what_scenes_need():

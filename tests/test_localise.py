@@ -8,11 +8,13 @@ import h5py
 import pytest
 
 from actin_xcheck.runs.method import METHODS, with_lent_balance
+from actin_xcheck.runs.numerics import step_count
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.compare import (
     FILE_NAME,
     Comparison,
     JudgedScene,
+    companions,
     compare,
     jobs_of,
     localised,
@@ -24,6 +26,7 @@ from actin_xcheck.studies.faults.fault import replaced
 from actin_xcheck.studies.stored import Ran
 from actin_xcheck.studies.study import Report, carry_out_here
 from actin_xcheck.verdicts.judge import KnownTo
+from tests.lab import FEM, FV
 
 SCENE = "smooth-fronts"
 PAPER, SECOND = ("fem-p1-paper", "fv-paper"), ("fem-p1-imex2", "fv")
@@ -119,3 +122,31 @@ def test_a_run_that_ends_early_parts_where_the_other_force_balance_does_not(tmp_
 def test_the_lent_force_balance_is_all_that_differs(name):
     lent = with_lent_balance(METHODS[name])
     assert (lent and lent.name) == LENT.get(name)
+
+
+# what runs beside a comparison, for its uncertainties
+
+
+def test_companions_keep_errors_in_space_and_time_in_step():
+    scene = load_scene("fig14-four-fronts")
+    jobs = jobs_of([scene], [METHODS[FEM], METHODS["fem-p3-imex4"], METHODS[FV]], 5, None)
+    beside = companions(jobs)
+    assert [job.numerics.refine for job in beside] == [4, 3] * 3
+    paper = [step_count(job.numerics.dt, scene.output_times) for job in (jobs[0], *beside[:2])]
+    assert paper[0] / paper[1] == pytest.approx(4, rel=0.05)
+    assert paper[1] / paper[2] == pytest.approx(4, rel=0.05)
+    fourth = [step_count(job.numerics.dt, scene.output_times) for job in (jobs[1], *beside[2:4])]
+    assert fourth[0] / fourth[1] == pytest.approx(2, rel=0.05)
+    assert len({job.file for job in [*jobs, *beside]}) == 9
+
+
+def test_adaptive_companions_loosen_their_tolerance_instead():
+    jobs = jobs_of([load_scene("stirred")], [METHODS["fem-p2-imex3"], METHODS[FV]], 4, None, 1e-6)
+    assert [job.numerics.rtol for job in companions(jobs)[:2]] == pytest.approx([8e-6, 64e-6])
+
+
+def test_one_code_alone_and_a_method_without_order_have_no_companions():
+    scene = load_scene("stirred")
+    assert companions(jobs_of([scene], [METHODS[FEM], METHODS["fem-p2-imex3"]], 4, None)) == []
+    beside = companions(jobs_of([scene], [METHODS[FEM], METHODS["fv-tpfa"]], 4, None))
+    assert {job.numerics.method.name for job in beside} == {FEM}

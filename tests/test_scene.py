@@ -367,20 +367,6 @@ def test_a_scene_with_other_values_is_checked_like_any():
             scene.varied(dict([changes]))
 
 
-def test_files_that_are_no_scenes(tmp_path):
-    folder, text = tmp_path / "folder.toml", tmp_path / "latin.toml"
-    folder.mkdir()
-    text.write_bytes("name = 'é'".encode("latin-1"))
-    with pytest.raises(UserError, match=re.escape(f"{folder}: cannot be read (Is a directory)")):
-        load_scene(folder)
-    with pytest.raises(UserError, match=re.escape(f"{text}: not UTF-8 text")):
-        load_scene(text)
-    with pytest.raises(UserError, match=r"absent.toml: cannot be read \(No such file or directory\)"):
-        scene_text(tmp_path / "absent.toml")
-    with pytest.raises(UserError, match="cannot be read"):
-        load_scene("a\0b.toml")
-
-
 def test_an_unknown_name_lists_the_shipped_ones():
     with pytest.raises(
         UserError, match=r"unknown scene 'fig14-four-front' \(did you mean fig14-four-fronts\?\)"
@@ -405,25 +391,3 @@ def test_shipped_scenes_load_are_frozen_survive_pickling_and_are_listed_as_what_
     model = f"psi {p.psi:g}, p {p.p:g}, {physics.rheology}, {physics.closure}, delta {physics.delta}"
     own = "".join(f", {law} {getattr(scene.laws, law)}" for law in ARTICLE if getattr(scene.laws, law))
     assert listed(name) == (scene.name, scene.citation, model + own)
-
-
-def test_the_realistic_cell_has_the_groups_of_section_6():
-    parameters = load_scene("sec6-realistic").parameters
-    assert parameters.psi == pytest.approx(22.4, abs=0.05)
-    assert parameters.p == pytest.approx(0.26, abs=1e-12)
-    assert parameters.d == pytest.approx(2.42e-6, abs=5e-9)
-    assert (parameters.mu1, parameters.mu2) == pytest.approx((2.06, 5.36), abs=5e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "psi"),
-    [
-        ("fig13-mixed-02-21", 310),
-        ("fig12-mixed-31-02-21", 200),
-        ("fig14-four-fronts", 367),
-        ("fig11-two-fronts", 110),
-        ("fig11-two-fronts-single", 110),
-    ],
-)
-def test_table_5_is_converted(name, psi):
-    assert load_scene(name).parameters.psi == pytest.approx(psi * 1.3 / 1.5, rel=2e-6)

@@ -8,7 +8,7 @@ import pytest
 from actin_xcheck.core.claim import ClaimKind
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics, step_count
+from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene, parse_scene
@@ -172,34 +172,6 @@ def test_what_linear_systems_leave_is_part_of_it(tmp_path):
     steps = Levels(levels.method, (replace(run, series=longer), *levels.runs[1:]))
     few, many = (estimate(load_scene("growing-disk"), one, "area", 0.5)[1] for one in (levels, steps))
     assert many - few == pytest.approx(5.2 * 1e-14 * 1e4, rel=0.2)
-
-
-# companions
-
-
-def test_companions_keep_errors_in_space_and_time_in_step():
-    scene = load_scene("fig14-four-fronts")
-    jobs = jobs_of([scene], [METHODS[FEM], METHODS["fem-p3-imex4"], METHODS[FV]], 5, None)
-    beside = companions(jobs)
-    assert [job.numerics.refine for job in beside] == [4, 3] * 3
-    paper = [step_count(job.numerics.dt, scene.output_times) for job in (jobs[0], *beside[:2])]
-    assert paper[0] / paper[1] == pytest.approx(4, rel=0.05)
-    assert paper[1] / paper[2] == pytest.approx(4, rel=0.05)
-    fourth = [step_count(job.numerics.dt, scene.output_times) for job in (jobs[1], *beside[2:4])]
-    assert fourth[0] / fourth[1] == pytest.approx(2, rel=0.05)
-    assert len({job.file for job in [*jobs, *beside]}) == 9
-
-
-def test_adaptive_companions_loosen_their_tolerance_instead():
-    jobs = jobs_of([load_scene("stirred")], [METHODS["fem-p2-imex3"], METHODS[FV]], 4, None, 1e-6)
-    assert [job.numerics.rtol for job in companions(jobs)[:2]] == pytest.approx([8e-6, 64e-6])
-
-
-def test_one_code_alone_and_a_method_without_order_have_no_companions():
-    scene = load_scene("stirred")
-    assert companions(jobs_of([scene], [METHODS[FEM], METHODS["fem-p2-imex3"]], 4, None)) == []
-    beside = companions(jobs_of([scene], [METHODS[FEM], METHODS["fv-tpfa"]], 4, None))
-    assert {job.numerics.method.name for job in beside} == {FEM}
 
 
 # verdicts
