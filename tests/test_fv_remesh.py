@@ -1,5 +1,6 @@
 """Finite volumes on a new mesh: what is carried over to it, and runs that go on on it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,10 @@ from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
 from actin_xcheck.core.remesh import SLIVER, NoMesh, edge_of
 from actin_xcheck.core.remeshing import RemeshedState
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.scene import load_scene
 from fv.mechanics import FvForceBalance
 from fv.mesh import Faces
 from fv.remeshing import FvRemeshing, averages, remeshed, shapes
@@ -203,3 +208,44 @@ def test_a_run_passes_the_time_at_which_its_mesh_folds():
     assert last.remeshings == 1
     at_the_fold = run(plain, 0.99 * folds)[0].states[-1]
     assert error(last.part.solver, last.inner) < error(plain, at_the_fold)
+
+
+END = 0.04
+LOPSIDED = load_scene("fig14-four-fronts").varied(
+    {
+        "model.closure": "traction-free",
+        "initial.a": "1 + 0.06*x*(3 - r**2) + 0.1*(3*x**2*y - y**3)*(5 - 3*r**2)",
+        "expect": None,
+    }
+)
+POINTS = np.array([[0.0, 0.4, 0.8, -0.52, 0.06], [0.0, 0.0, 0.0, 0.36, -0.83]])
+
+
+def numbers(method: str, refine: int, steps: int, remesh: bool = False) -> list:
+    """Area, total actin and where probes are at the end; a mesh is replaced in the middle of the run."""
+    solver = bind(LOPSIDED, Numerics(METHODS[method], refine, END / steps, remesh=remesh))
+    state = solver.init()
+    for number in range(steps):
+        if remesh and number == steps // 2:
+            state = replace(state, limit=2.0)  # any shape is too bad
+        state, outcome = solver.step(state, END / steps)
+        assert outcome.ok
+    assert getattr(state, "remeshings", 0) == int(remesh)
+    measured, (_, x) = solver.measure(state), solver.probes(POINTS)(state)
+    return [measured.area, measured.total_actin, *x.ravel()]
+
+
+def test_a_free_cell_goes_on_as_well_as_on_its_first_mesh():
+    """Elastic stress, dilation, F N on the rim and the ring's jump on a mesh that is new."""
+    true = np.array(numbers("fem-p4-imex4", 3, 40))
+    levels = ((3, 10), (4, 20))
+    plain, renewed = (
+        np.abs([np.array(numbers("fv", *level, remesh)) - true for level in levels])
+        for remesh in (False, True)
+    )
+    of_area, of_total, of_x = renewed[:, 0], renewed[:, 1], renewed[:, 2:].max(axis=1)
+    assert 1.5 < local_orders(of_area)[0] < 2.5
+    assert 1.8 < local_orders(of_total)[0] < 2.2
+    assert 1.4 < local_orders(of_x)[0] < 2.6
+    assert np.all(renewed[:, :2] < 1.2 * plain[:, :2])
+    assert np.all(of_x < 1.6 * plain[:, 2:].max(axis=1))
