@@ -5,14 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck.api import cross_check
+from actin_xcheck.api import cross_check, run, sweep
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.executor import in_turn
 from actin_xcheck.studies.audit import AuditRow, Finding, Judgement, paper, rows, write_audit_page
 from actin_xcheck.studies.compare import FILE_NAME as COMPARISON
 from actin_xcheck.studies.compare_page import write_comparison_page
-from actin_xcheck.studies.study import Report, write_report
+from actin_xcheck.studies.side_by_side import side_by_side
+from actin_xcheck.studies.study import Report, answered, write_report
 from tests.studies import carry
 from tests.test_dashboard import write_nights
 from tests.test_predict_report import chapters, exhibits
@@ -49,6 +50,22 @@ def _predictions(folder, monkeypatch):
     return write_page(folder / "predict.h5")
 
 
+def _sweep(folder, monkeypatch):
+    asked = 'scene = "static-decay"\n[over.parameters]\npsi = [0, 1, 2]\nd = [0.1, 0.3]\n'
+    (folder / "ranges.toml").write_text(asked, encoding="utf-8")
+    sweep(folder / "ranges.toml", "fem-p1-paper", out=folder, jobs=1, refine=1, dt=0.1)
+
+
+def _side_by_side(folder, monkeypatch):
+    for name in "fem-p2-imex3", "fv":
+        run("static-decay", name, refine=2, dt=0.1, out=folder / f"{name}.vtkhdf")
+    files = [str(path) for path in sorted(folder.glob("*.vtkhdf"))]
+    write_report(
+        folder / "compare.h5", "compare", answered(side_by_side(files), lambda tasks: []), "a command"
+    )
+    return write_page(folder / "compare.h5")
+
+
 def _lopsided() -> tuple[Exhibit, ...]:
     """Plots whose numbers lie where labels are long or few: tiny, close together, in one decade or many."""
     x = np.linspace(1, 2, 9)
@@ -74,5 +91,7 @@ KINDS = {
     "dashboard": lambda folder, _: write_nights(folder) / "index.html",
     "paper": _audit,
     "predict": _predictions,
+    "sweep": _sweep,
+    "side by side": _side_by_side,
 }
 """By name: makers of pages, in a folder; None where the page is the folder's `index.html`."""

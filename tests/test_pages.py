@@ -18,7 +18,7 @@ from actin_xcheck.studies.frontier.answers import AnswerKind
 from tests.browser import SEEN, complaints, lab, linear, pale, unreadable
 from tests.picture import PICTURE, WIDTH, take
 
-QUICK = ("closures", "faults", "night", "dashboard", "paper", "predict", "random")
+QUICK = ("closures", "faults", "night", "dashboard", "paper", "predict", "random", "side by side", "sweep")
 SLOW = ("compare", "curves", "chart", "frontier", "converge", "distort", "extremes")
 
 
