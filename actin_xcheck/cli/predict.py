@@ -79,21 +79,13 @@ def modes_command(
     from rich.table import Table
 
     from actin_xcheck.cli.conduct import print_table
-    from actin_xcheck.theory.exact import DiskModes
 
     given = {"psi": psi, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
     model = _model(scene, given, closure, rheology, delta)
     if not math.isfinite(above):
         raise UserError(f"--above: {above:g} is no number; valid: a finite number")
-    found: list[dict[str, float]] = []
-    said: dict[str, int] = {}
     try:
-        if certify:
-            found, said = _certified(model, _numbers(m), above)
-        else:
-            for number in _numbers(m):
-                rates = DiskModes(model, number).rates(above)
-                found += [{"m": number, "re": rate.real, "im": rate.imag} for rate in rates]
+        found, said = (_certified if certify else _counted)(model, _numbers(m), above)
     except (ValueError, ArithmeticError) as error:
         raise UserError(f"--above: {error}") from None
     if as_json:
@@ -198,6 +190,14 @@ def report() -> "Study":
     from actin_xcheck.studies.theory import atlas
 
     return atlas()
+
+
+def _counted(model: "Model", numbers: range, above: float) -> tuple[list[dict[str, float]], dict[str, int]]:
+    """The modes, and nothing else of them all."""
+    from actin_xcheck.theory.exact import DiskModes
+
+    rates = [(m, rate) for m in numbers for rate in DiskModes(model, m).rates(above)]
+    return [{"m": m, "re": rate.real, "im": rate.imag} for m, rate in rates], {}
 
 
 def _certified(model: "Model", numbers: range, above: float) -> tuple[list[dict[str, float]], dict[str, int]]:
