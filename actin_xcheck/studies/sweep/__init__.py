@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from actin_xcheck.core.errors import Ending, UserError, brief
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.accuracy import OutOfReach, deliver, first_two
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
@@ -359,6 +358,8 @@ def table_of(folder: Path, rows: Sequence[Row]) -> SweepTable:
 
 def write(folder: Path, said: Report, command: str) -> None:
     """Write `sweep.h5`, `sweep.csv` and the page into the sweep's folder, each whole or not at all."""
+    from actin_xcheck.report.page import write_page  # here: a worker draws no page
+
     columns = said.tables["runs"].rows
     assert isinstance(columns, Mapping)
     varied = [name for name in columns if "." in name]
