@@ -19,7 +19,7 @@ from actin_xcheck.studies.transient import Case, start_scene
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.judge import judge
 from fem.transient import Perturbations, powers
-from tests.lab import FEM, FV
+from tests.lab import FEM
 
 WALL, CELL, FREE = Closure.IRROTATIONAL_WALL, Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE
 
@@ -133,10 +133,10 @@ def test_linear_modes_grow_as_far_as_any_can(name, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("method", ["fem-p1-imex2", FV])
+@pytest.mark.parametrize("method", ["fem-p1-imex2", "fv"])
 def test_both_codes_reach_it_within_a_percent(name, method, tmp_path):
     scene, path = load_scene(name), tmp_path / "run.vtkhdf"
-    run(scene, Numerics(METHODS[method], 5, 0.01), path)
+    run(scene, Numerics(METHODS[method], 5, 0.02), path)
     (claim,) = (one for one in judge(scene, {method: read_run(path)}) if one.quantity == "energy")
     assert claim.value < 0.01
 
