@@ -26,16 +26,16 @@ def value(*corners: Corner, quantity: str = "area") -> FinalValue:
         (
             (FEM, FV, REFERENCE),
             3,
-            "area 3.2018 ± 0.0014 (0.044 %), the codes agree to 0.031 %, reference to 0.037 %",
+            "area 3.2018 ± 0.0014 (0.044 %, FEM), the codes agree to 0.031 %, reference to 0.037 %",
         ),
-        ((FEM, FV), 3, "area 3.2018 ± 0.0014 (0.044 %), the codes agree to 0.031 %"),
-        ((FEM, Corner("FV", 3.3, 0.001, "")), 1, "area 3.3000 ± 0.0010 (0.03 %), the codes part by 3 %"),
+        ((FEM, FV), 3, "area 3.2018 ± 0.0014 (0.044 %, FEM), the codes agree to 0.031 %"),
+        ((FEM, Corner("FV", 3.3, 0.001, "")), 1, "area 3.3000 ± 0.0010 (0.03 %, FV), the codes part by 3 %"),
         ((FEM,), 3, "area 3.2018 ± 0.0014 (0.044 %)"),
-        ((Corner("FEM", 3.2, np.nan, "none"),), 0, "area 3.200000 of no uncertainty"),
+        ((Corner("FEM", 3.2, np.nan, "none"),), 0, "area 3.200000 with an uncertainty that is not known"),
         (
             (Corner("FEM", 3.2, 2.0, ""), Corner("FV", 3.2, 2.0, "")),
             0,
-            "area 3.2 ± 2.0 (62 %), the codes agree to round-off",
+            "area 3.2 ± 2.0 (62 %, FEM), the codes agree to round-off",
         ),
     ],
 )

@@ -114,10 +114,10 @@ class FinalValue:
     def sentence(self) -> str:
         """The number, how well the codes agree on it, and with theory."""
         best = min(self.codes, key=lambda code: np.inf if np.isnan(code.uncertainty) else code.uncertainty)
-        known = (
-            f" ({percent(best.uncertainty / self.size)})" if best.uncertainty >= 0 else " of no uncertainty"
-        )
-        said = [f"{self.place} {in_digits(best, best.uncertainty)}{known}"]
+        known = "with an uncertainty that is not known"
+        if best.uncertainty >= 0:
+            known = f"({percent(best.uncertainty / self.size)}{f', {best.name}' if self.methods[1:] else ''})"
+        said = [f"{self.place} {in_digits(best, best.uncertainty)} {known}"]
         if self.methods[1:]:
             beyond = self.apart * self.size > sum(code.uncertainty for code in self.codes)
             said.append(f"the codes {'part by' if beyond else 'agree to'} {percent(self.apart)}")
