@@ -331,7 +331,9 @@ def test_a_run_that_is_far_off_is_no_success_though_all_its_claims_hold(tmp_path
     assert found.area == pytest.approx(abs(area - 3.6451677458) / area, rel=1e-6)
     assert found.area > 0.05
     off = 100 * abs(area / 3.6451677458 - 1)
-    words = f"fig14-four-fronts: area {area:.6f} with an uncertainty that is not known, reference to {off:.2g} %"
+    words = (
+        f"fig14-four-fronts: area {area:.6f} with an uncertainty that is not known, reference to {off:.2g} %"
+    )
     assert words in said
     assert (
         "2.8 %: believe 1 digit\n6 of 6 claims hold at this resolution; known to worse than 1 %: fig14"
