@@ -22,7 +22,7 @@ from fem.triangulation import Reading, Rebalanced, placed_space, projected, reme
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class FemPart:
     """A solver on one mesh, and what reads its fields at the nodes that are stored.
 
     Attributes
@@ -50,7 +50,7 @@ class Part:
         return float(shapes(self.solver.space, x).min())
 
 
-class Remeshing(Remeshed[Part]):
+class Remeshing(Remeshed[FemPart]):
     """A `FemImex` whose mesh is replaced; x and v are interpolated, a is projected."""
 
     def __init__(self, first: FemImex, build: Callable[[Mesh, ForceBalance], FemImex]) -> None:
@@ -69,16 +69,16 @@ class Remeshing(Remeshed[Part]):
         shown = self._shown
         return measure(shown, shown.xi, np.ones(shown.xi.shape[1])).area
 
-    def started(self) -> Part:
+    def started(self) -> FemPart:
         """The part on the first mesh."""
-        return Part(self.first, self._shown)
+        return FemPart(self.first, self._shown)
 
-    def again(self, memento: Memento) -> Part:
+    def again(self, memento: Memento) -> FemPart:
         """The part on the mesh that a memento has."""
         mesh = new_mesh(memento["mesh_xi"], memento["triangles"])
         model, order = self.first.problem.model, self._shown.order
         space = placed_space(mesh, order, model.parameters.l0, memento["xi"])
-        return Part(self.build(mesh, Rebalanced(model, mesh, space)), self._shown)
+        return FemPart(self.build(mesh, Rebalanced(model, mesh, space)), self._shown)
 
     def corners(self, state: RemeshedState) -> Array:
         """Values (3, n_cells) at the corners of the first mesh's cells."""
@@ -93,7 +93,9 @@ class Remeshing(Remeshed[Part]):
         x, v, a = (self._lattice.moved(nodal) for nodal in read)
         return Frame(x, v, a, means)
 
-    def carried_over(self, part: Part, inner: ImexState, edge: float) -> tuple[Part, ImexState, Outcome]:
+    def carried_over(
+        self, part: FemPart, inner: ImexState, edge: float
+    ) -> tuple[FemPart, ImexState, Outcome]:
         """A new part and the same moment on it; NoMesh where there is none."""
         model, old = self.first.problem.model, part.solver.space
         mesh, space = remeshed(old, inner.x, model.parameters.l0, edge)
@@ -105,4 +107,4 @@ class Remeshing(Remeshed[Part]):
         content = TransportMatrices(space, x).mass @ a
         carried = balance.carried_from(part.solver.mechanics, inner.carried)
         new = replace(inner, x=x, a=a, v=v, carried=carried, content=content, anchor=Anchor(x))
-        return Part(solver, self._shown), new, outcome
+        return FemPart(solver, self._shown), new, outcome

@@ -17,7 +17,7 @@ from actin_xcheck.core.lagrange import lagrange
 from actin_xcheck.core.linear import solve
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh
 from actin_xcheck.core.model import Array, Model
-from actin_xcheck.core.remesh import SLIVER, Cell, NoMesh, circle
+from actin_xcheck.core.remesh import SLIVER, NoMesh, PresentCell, circle
 from fem.fields import locate
 from fem.force_balance import ForceBalance
 from fem.space import Space
@@ -204,7 +204,7 @@ def remeshed(space: Space, x: Array, ring: float, edge: float) -> tuple[Mesh, Sp
         found = Reading.at_places(space, x, places)
         return found.of(space.xi), found.hit
 
-    cell = Cell(
+    cell = PresentCell(
         ring,
         lambda radius, angles: Reading.at(space, circle(radius, angles)).of(x),
         pulled_back_points,

@@ -22,7 +22,7 @@ from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, locate, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import Anchor
-from actin_xcheck.core.remesh import SLIVER, Cell, NoMesh, circle, new_mesh
+from actin_xcheck.core.remesh import SLIVER, NoMesh, PresentCell, circle, new_mesh
 from actin_xcheck.core.remeshing import Remeshed, RemeshedState
 from fv.equations import reconstruct, vertex_interpolation
 from fv.history import History
@@ -35,7 +35,7 @@ CELLS = 2048
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class FvPart:
     """A solver on one mesh, and what reads its fields at the nodes that are stored.
 
     Attributes
@@ -70,7 +70,7 @@ class Part:
         return float(shapes(x, self.solver.mesh.triangles).min())
 
 
-class FvRemeshing(Remeshed[Part]):
+class FvRemeshing(Remeshed[FvPart]):
     """Finite volumes with their own force balance, whose mesh is replaced."""
 
     def __init__(self, first: FvDiamond, build: Callable[[Mesh], FvDiamond]) -> None:
@@ -82,13 +82,13 @@ class FvRemeshing(Remeshed[Part]):
         """That of the first mesh."""
         return float(signed_areas(self.mesh.xi, self.mesh.triangles).sum())
 
-    def started(self) -> Part:
+    def started(self) -> FvPart:
         """The part on the first mesh."""
-        return Part(self.first, self.mesh)
+        return FvPart(self.first, self.mesh)
 
-    def again(self, memento: Memento) -> Part:
+    def again(self, memento: Memento) -> FvPart:
         """The part on the mesh that a memento has."""
-        return Part(self.build(new_mesh(memento["mesh_xi"], memento["triangles"])), self.mesh)
+        return FvPart(self.build(new_mesh(memento["mesh_xi"], memento["triangles"])), self.mesh)
 
     def corners(self, state: RemeshedState) -> Array:
         """Values (3, n_cells) at the corners of the first mesh's cells."""
@@ -101,7 +101,7 @@ class FvRemeshing(Remeshed[Part]):
         a = part.read(now.a)
         return Frame(part.read(now.x), part.read(now.v), a, a[self.mesh.triangles].mean(axis=0))
 
-    def carried_over(self, part: Part, inner: FvState, edge: float) -> tuple[Part, FvState, Outcome]:
+    def carried_over(self, part: FvPart, inner: FvState, edge: float) -> tuple[FvPart, FvState, Outcome]:
         """A new part and the same moment on it; NoMesh where there is none, or none that can go on."""
         old, ring = part.solver, part.solver.problem.model.parameters.l0
         mesh, x = remeshed(old.mesh, inner.x, ring, edge)
@@ -115,7 +115,7 @@ class FvRemeshing(Remeshed[Part]):
         if not move.outcome.ok:
             raise NoMesh(move.outcome.message)
         new = replace(inner, x=x, a=a, v=move.v, carried=carried, corner_values=corners)
-        return Part(solver, self.mesh), replace(new, anchor=Anchor(x), history=History.none()), move.outcome
+        return FvPart(solver, self.mesh), replace(new, anchor=Anchor(x), history=History.none()), move.outcome
 
 
 def _carried_over(old: Any, new: Any, carried: Array) -> Array:
@@ -157,7 +157,7 @@ def remeshed(mesh: Mesh, x: Array, ring: float, edge: float) -> tuple[Mesh, Arra
             raise NoMesh("the middle of a cell is beyond the ring")
         return new, places
 
-    return Cell(ring, where, _Points(mesh, x, ring), sound).remeshed(edge, mesh.rim_nodes.size)
+    return PresentCell(ring, where, _Points(mesh, x, ring), sound).remeshed(edge, mesh.rim_nodes.size)
 
 
 class _Points:

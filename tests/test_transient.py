@@ -15,7 +15,7 @@ from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies import transient as study
 from actin_xcheck.studies.study import answered
-from actin_xcheck.studies.transient import Case, start_scene
+from actin_xcheck.studies.transient import TransientCase, start_scene
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.judge import judge
 from fem.transient import Perturbations, powers
@@ -112,7 +112,7 @@ def test_a_shipped_start_is_the_one_that_grows_most(name):
     scene, (m, *_) = load_scene(name), STABLE[SCENES.index(name)]
     end = scene.time.end
     assert (
-        start_scene(Case(scene.physics, m), end).split("[initial]")[0]
+        start_scene(TransientCase(scene.physics, m), end).split("[initial]")[0]
         == scene_text(name).split("[initial]")[0]
     )
     growth = Perturbations(scene.physics, m).growth

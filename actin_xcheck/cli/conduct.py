@@ -112,9 +112,7 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             folder = report_folder(out_dir, name)
             report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
             if open_page:
-                import webbrowser
-
-                webbrowser.open(page.resolve().as_uri())
+                show(page)
             _say(words or name, report, page, json)
 
         own, common = inspect.signature(asked_for).parameters, inspect.signature(commanded).parameters
@@ -149,6 +147,13 @@ def carry_out(
             tell = saying_the_cost(progress, processes.workers)
             report = studies.carry_out(name, study, folder, command(), processes, tell)
         return report, page_of(folder / f"{name}.h5")
+
+
+def show(page: Path) -> None:
+    """Open a page in a browser."""
+    import webbrowser
+
+    webbrowser.open(page.resolve().as_uri())
 
 
 def say_the_cost(words: str, study: "Study", workers: int | None, json: bool) -> NoReturn:

@@ -55,11 +55,10 @@ def sweep_command(
 
     Files are named by what was varied, scene, method and version: what is there is not run again, so that an
     interrupted sweep goes on when it is asked for again, and so does a larger one in the same folder; --force
-    runs all again.
-    A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for
+    runs all again.  A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for
     a mistake in what was asked.
     """
-    from actin_xcheck.cli.conduct import kept_in, say_the_cost, saying_the_cost
+    from actin_xcheck.cli.conduct import kept_in, say_the_cost, saying_the_cost, show
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
@@ -78,9 +77,7 @@ def sweep_command(
         tell = saying_the_cost(progress, processes)
         table, made = carry_out(runs, folder, processes, scheduler, tell, command(), force)
     if open_page:
-        import webbrowser
-
-        webbrowser.open((folder / "index.html").resolve().as_uri())
+        show(folder / "index.html")
     raise typer.Exit(_told(_answer(table, made), json))
 
 

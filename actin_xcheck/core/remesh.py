@@ -50,7 +50,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Cell(Generic[T]):
+class PresentCell(Generic[T]):
     """A cell as it lies now, for whoever triangulates it.
 
     Attributes

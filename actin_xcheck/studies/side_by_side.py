@@ -39,7 +39,7 @@ class Differs:
 
 
 @dataclass(frozen=True)
-class Apart:
+class ComparedNumber:
     """A number of both at one time, and how far the second is from the first, in its own size too."""
 
     quantity: str
@@ -51,7 +51,7 @@ class Apart:
 
 
 @dataclass(frozen=True)
-class Turned:
+class ComparedClaim:
     """A claim that both have, or one alone: verdicts and numbers."""
 
     scene: str
@@ -123,7 +123,7 @@ def _report(folder: Path) -> tuple[dict[str, Any], list[Claim]]:
         return _flat(kept), read_claims(file)
 
 
-def _turned(before: Sequence[Claim], after: Sequence[Claim]) -> Iterator[Turned]:
+def _turned(before: Sequence[Claim], after: Sequence[Claim]) -> Iterator[ComparedClaim]:
     """Claims that differ by verdict, then those by value, the largest change first."""
     old, new = ({one.key: one for one in claims} for claims in (before, after))
     rows = []
@@ -135,18 +135,20 @@ def _turned(before: Sequence[Claim], after: Sequence[Claim]) -> Iterator[Turned]
         words = ["" if claim is None else claim.verdict for claim in (one, other)]
         if words[0] != words[1] or not np.array_equal(values[:1], values[1:], equal_nan=True):
             rows.append(
-                Turned(shown.scene, ", ".join(shown.methods), shown.statement, words[0], words[1], *values)
+                ComparedClaim(
+                    shown.scene, ", ".join(shown.methods), shown.statement, words[0], words[1], *values
+                )
             )
     yield from sorted(rows, key=lambda row: (row.first == row.second, -_change(row)))
 
 
-def _change(row: Turned) -> float:
+def _change(row: ComparedClaim) -> float:
     """By how much a value changed, relative; infinite where it had none."""
     size = max(abs(row.first_value), abs(row.second_value))
     return abs(row.second_value - row.first_value) / size if size > 0 else 0.0 if size == 0 else np.inf
 
 
-def _integrals(first: Run, second: Run, t: float) -> Iterator[Apart]:
+def _integrals(first: Run, second: Run, t: float) -> Iterator[ComparedNumber]:
     """What both have measured at one time, component by component."""
     rows = [one.row_at(t) for one in (first, second)]
     for name in INTEGRALS:
@@ -154,7 +156,7 @@ def _integrals(first: Run, second: Run, t: float) -> Iterator[Apart]:
             for i, (one, other) in enumerate(zip(*(np.ravel(row[name]) for row in rows), strict=True)):
                 what = name.replace("_", " ") + (f" {'xy'[i]}" if name == "centroid" else "")
                 off = float(other - one)
-                yield Apart(
+                yield ComparedNumber(
                     what, t, float(one), float(other), off, off / float(one) if abs(one) > TINY else nan
                 )
 

@@ -39,7 +39,7 @@ _COEFFICIENTS = 9
 
 
 @dataclass(frozen=True)
-class Case:
+class TransientCase:
     """Perturbations of angular number m of a model whose delta is constant."""
 
     model: Model
@@ -47,7 +47,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Transient:
+class LargestGrowth:
     """What becomes of perturbations of one angular number.
 
     Attributes
@@ -96,20 +96,22 @@ class SchemeRows:
     rows: tuple[SchemeRow, ...]
 
 
-def largest(case: Case, folder: Path) -> Transient:
+def largest(case: TransientCase, folder: Path) -> LargestGrowth:
     """Compute G for one angular number, and leave the start that reaches its largest as a scene."""
     model = case.model
     of = (model.closure, model.rheology, case.m)
     if model.rim_sees_dilation:
         nothing = np.full(TIMES.size, np.inf)
-        return Transient(*of, rate=np.nan, slope=np.inf, peak=np.inf, at=0, refined=np.nan, growth=nothing)
+        return LargestGrowth(
+            *of, rate=np.nan, slope=np.inf, peak=np.inf, at=0, refined=np.nan, growth=nothing
+        )
     found = load(PERTURBATIONS)(model, case.m)
     growth = np.array([found.growth(t) for t in TIMES])
     peak, at = _peak(found, growth)
     finer = load(PERTURBATIONS)(model, case.m, 4, 16).growth(at) if at else 1.0
     if at:
         replace_file(folder / scene_file(case), start_scene(case, at, found).encode())
-    return Transient(
+    return LargestGrowth(
         *of,
         rate=found.leading_rate,
         slope=found.initial_slope,
@@ -132,7 +134,7 @@ def _peak(found: Any, growth: Array) -> tuple[float, float]:
     return float(-top.fun), float(top.x)
 
 
-def schemes(case: Case, folder: Path) -> SchemeRows:
+def schemes(case: TransientCase, folder: Path) -> SchemeRows:
     """Powers of the steps of every scheme for one angular number, by steps of `STEPS`.
 
     In the energy with what diffusion takes in a step: without, a scheme that is explicit in a load on the rim
@@ -165,12 +167,12 @@ def _steps() -> dict[str, Any]:
     }
 
 
-def scene_file(case: Case) -> str:
+def scene_file(case: TransientCase) -> str:
     """The name of the scene that starts from the optimal perturbation."""
     return f"transient-{case.m}-{case.model.closure}-{case.model.rheology}.toml"
 
 
-def start_scene(case: Case, t: float, found: Any | None = None) -> str:
+def start_scene(case: TransientCase, t: float, found: Any | None = None) -> str:
     """Return the scene (TOML) that starts from the perturbation of most growth at t, and ends there.
 
     Fields are r^m times polynomials in r^2: with u_r = U cos m theta, u_theta = Z sin m theta, those of U + Z
@@ -232,9 +234,9 @@ def transient(models: Sequence[Model], numbers: Sequence[int]) -> Study:
 
     Schemes are those of the first model.
     """
-    cases = [Case(model, m) for model in models for m in numbers]
+    cases = [TransientCase(model, m) for model in models for m in numbers]
     psi = models[0].parameters.psi
-    tried = [Case(models[0].varied(psi=share * psi), m) for share in SHARES for m in numbers]
+    tried = [TransientCase(models[0].varied(psi=share * psi), m) for share in SHARES for m in numbers]
     if models[0].rim_sees_dilation:
         tried = []
     answers = yield [
@@ -267,7 +269,7 @@ _LEAD = (
 )
 
 
-def _findings(found: Sequence[Transient]) -> list[str]:
+def _findings(found: Sequence[LargestGrowth]) -> list[str]:
     stable = [one for one in found if one.rate < 0 and one.peak > 1 and np.isfinite(one.peak)]
     said = [
         f"{one.closure}, {one.rheology}, m = {one.m}: every mode decays, and an energy grows {one.peak:.4g} "
@@ -282,7 +284,7 @@ def _findings(found: Sequence[Transient]) -> list[str]:
     return said
 
 
-def _growth_chapter(found: Sequence[Transient]) -> Chapter:
+def _growth_chapter(found: Sequence[LargestGrowth]) -> Chapter:
     plots = []
     for closure, rheology in dict.fromkeys((one.closure, one.rheology) for one in found):
         lines = tuple(
