@@ -9,10 +9,14 @@ import typer
 from actin_xcheck.cli.conduct import (
     Accuracy,
     DryRun,
+    Dt,
     Force,
+    Jobs,
     Json,
     Open,
+    Out,
     Quiet,
+    Refine,
     Rtol,
     Scheduler,
     command,
@@ -31,15 +35,11 @@ def sweep_command(
     method: Annotated[
         list[str], typer.Option(help="May be given more than once.", callback=each(method_word))
     ],
-    out_dir: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the results; one that is there goes on.")
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(help="Processes on this machine; default: its cores.", min=1, max=1024)
-    ] = None,
+    out_dir: Out = None,
+    jobs: Jobs = None,
     scheduler: Scheduler = None,
-    refine: Annotated[int | None, typer.Option(help="The mesh has 2**REFINE layers.", min=1, max=10)] = None,
-    dt: Annotated[float | None, typer.Option(help="Largest time step.", min=1e-12)] = None,
+    refine: Refine = None,
+    dt: Dt = None,
     rtol: Rtol = None,
     accuracy: Accuracy = None,
     fidelity: Annotated[
@@ -55,10 +55,10 @@ def sweep_command(
 
     Files are named by what was varied, scene, method and version: what is there is not run again, so that an
     interrupted sweep goes on when it is asked for again, and so does a larger one in the same folder; --force
-    runs all again.  A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when one did not, 2 for
-    a mistake in what was asked.
+    runs all again.  A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when
+    one did not, 2 for a mistake in what was asked.
     """
-    from actin_xcheck.cli.conduct import kept_in, say_the_cost, saying_the_cost, show
+    from actin_xcheck.cli.conduct import check_step, kept_in, say_the_cost, saying_the_cost, show
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
@@ -66,6 +66,7 @@ def sweep_command(
     from actin_xcheck.studies.sweep import carry_out, runs_of
     from actin_xcheck.studies.sweep import sweep as study
 
+    check_step(dt)
     processes = jobs_asked(jobs, scheduler)
     asked = Wanted(method[0], refine, dt, rtol, fidelity, accuracy=accuracy)
     folder = report_folder(out_dir, "sweep")
