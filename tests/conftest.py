@@ -4,6 +4,7 @@ import os
 import pickle
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -22,6 +23,13 @@ from tests.browser import CHROMIUM, SCREEN, chromium
 
 if TYPE_CHECKING:
     from tests.small import Carried
+
+
+def pytest_configure() -> None:
+    """Take signals as in a terminal: tests started by nohup or in the background would ignore some."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="module")

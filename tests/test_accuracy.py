@@ -201,6 +201,7 @@ def test_volumes_whose_model_ends_are_not_refined_for_ever():
         study.send([StatedError(math.nan, True)])
 
 
+@pytest.mark.slow
 def test_codes_are_compared_to_an_accuracy(tmp_path):
     """What both state covers the truth, and all that is claimed of theory is held to the accuracy."""
     scene = load_scene("growing-disk")

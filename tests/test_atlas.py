@@ -90,6 +90,7 @@ def test_wall_maps_are_the_dispersion_relation_pixel_by_pixel(version):
         assert name(one, psi, p) == expected, (psi, p)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closure", CELLS)
 def test_maps_of_the_cell_hold_at_random_pixels(closure):
     one = mapped(closure)
@@ -171,6 +172,7 @@ def test_a_map_has_its_size_labels_in_their_bands_and_neighbours_told_apart_in_g
         assert min(np.linalg.norm(lab(eye @ first) - lab(eye @ second)) for eye in SEEN.values()) > 12
 
 
+@pytest.mark.slow
 def test_a_border_in_the_wrong_place_is_an_error():
     model, p = plane(Closure.TRACTION_FREE), np.array([0.2, 0.4])
     branches = cell_branches(model, p, 150.0)

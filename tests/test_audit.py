@@ -113,6 +113,7 @@ def cell(tmp_path_factory):
     return [Evidence.of(family, folder) for family in families]
 
 
+@pytest.mark.slow
 def test_a_row_follows_its_numbers(cell, monkeypatch):
     expands = {"says": "expands", "reads": "area_change", "t": 0.004, "low": 0}
     contracts = {"says": "contracts", "reads": "area_change", "t": 0.004, "high": 0}

@@ -80,6 +80,7 @@ def test_every_row_is_said_whole_and_what_computes_belongs_to_one() -> None:
     assert {key for key, one in said.items() if "checks" not in one} - set(audit._EXAMINERS) == UNCOMPUTED
 
 
+@pytest.mark.slow
 def test_findings_say_what_was_computed_and_why(findings: dict[str, Finding]) -> None:
     evasive = re.compile(
         r"\bsee (the|text|above|below|also|section|fig|table)|\btbd\b|\bnan\b|\binf\b", re.IGNORECASE

@@ -60,6 +60,7 @@ def independent(m, psi, near):
     return complex(mp.findroot(determinant, (mp.mpc(near), mp.mpc(near) + mp.mpf("1e-6")), solver="secant"))
 
 
+@pytest.mark.slow
 def test_the_list_of_the_strong_cell_is_proved_and_is_that_of_forty_digits():
     found, none_from = proved(at(270.0), range(3), 0.0)
     assert [one.m for one in found] == [0, 0, 1, 1, 2, 2]

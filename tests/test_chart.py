@@ -151,6 +151,7 @@ def needed(megabytes):
     return peak_memory() - before
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a peak cannot be forgotten")
 def test_a_peak_of_memory_is_that_of_the_run():
     for megabytes in (64, 8):
@@ -226,6 +227,7 @@ def rows_of(report, method=None):
     return [row for row in report.tables["points"].rows if method in (None, row.method)]
 
 
+@pytest.mark.slow
 def test_every_point_says_what_it_cost(charted):
     rows, page = rows_of(charted.report), (charted.folder / "index.html").read_text(encoding="utf-8")
     assert len(rows) == 4

@@ -41,6 +41,7 @@ def place(tab: Page, across: float, up: float) -> tuple[float, float]:
     return box["left"] + across * box["width"], box["bottom"] - up * box["height"]
 
 
+@pytest.mark.slow
 def test_a_box_is_zoomed_to_and_a_double_click_shows_all(area: Page) -> None:
     x0, x1, y0, y1 = first = view(area)
     area.mouse.move(*place(area, 0.25, 0.2))
@@ -56,6 +57,7 @@ def test_a_box_is_zoomed_to_and_a_double_click_shows_all(area: Page) -> None:
     assert view(area) == pytest.approx(first)
 
 
+@pytest.mark.slow
 def test_keys_zoom_move_and_read(area: Page, page_of: Callable[[str], Path]) -> None:
     x0, x1, *_ = first = view(area)
     area.evaluate("chart.focus()")
@@ -77,6 +79,7 @@ def test_keys_zoom_move_and_read(area: Page, page_of: Callable[[str], Path]) -> 
     assert series["area"][1] == pytest.approx(float(found[2]), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_wheel_zooms_where_it_is_asked_to_and_else_leaves_the_page_alone(area: Page) -> None:
     first = view(area)
     area.mouse.move(*place(area, 0.5, 0.5))
@@ -90,6 +93,7 @@ def test_the_wheel_zooms_where_it_is_asked_to_and_else_leaves_the_page_alone(are
     assert np.diff(view(area)[:2])[0] == pytest.approx(np.diff(first[:2])[0] / 2)
 
 
+@pytest.mark.slow
 def test_what_is_read_from_a_curve_is_what_is_stored(area: Page, page_of: Callable[[str], Path]) -> None:
     series = read_comparison(page_of("curves").parent / FILE_NAME).runs[RUN].series
     area.mouse.move(*place(area, 0.5, 0.5))
@@ -100,6 +104,7 @@ def test_what_is_read_from_a_curve_is_what_is_stored(area: Page, page_of: Callab
     assert value == pytest.approx(series["area"][np.argmin(np.abs(series["time"] - t))], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_buttons_have_names_and_files_are_saved(area: Page, tmp_path: Path) -> None:
     names = area.evaluate("[...chart.querySelectorAll('.modebar button')].map(one => one.ariaLabel)")
     assert names == ["Download plot as a PNG", "Download plot as an svg", "Zoom in", "Zoom out", "Reset axes"]
@@ -110,6 +115,7 @@ def test_buttons_have_names_and_files_are_saved(area: Page, tmp_path: Path) -> N
         assert (tmp_path / name).read_bytes().startswith(beginning)
 
 
+@pytest.mark.slow
 def test_ink_follows_the_theme_and_paper_has_no_buttons(area: Page) -> None:
     places = ("chart.querySelector('.xtick text')", "chart.querySelector('.gridlayer path')")
     looks = [f"getComputedStyle({one}).{what}" for one, what in zip(places, ("fill", "stroke"), strict=True)]
@@ -145,6 +151,7 @@ AXIS = """async ([log, low, high]) => {
 }"""
 
 
+@pytest.mark.slow
 def test_every_axis_has_three_labels_that_are_its_numbers(tab: Page, tmp_path: Path) -> None:
     page = tmp_path / "index.html"
     plots = [Plot("k", "t", "", "x", (Line("l", X + 1, X + 1),), log=log) for log in (False, True)]
@@ -173,6 +180,7 @@ def test_every_axis_has_three_labels_that_are_its_numbers(tab: Page, tmp_path: P
         assert ((low - slack <= numbers) & (numbers <= high + slack)).all(), (low, high, labels)
 
 
+@pytest.mark.slow
 def test_axes_can_be_read_however_far_they_are_zoomed(tab: Page, tmp_path: Path) -> None:
     curves = {"area": 3.2 + 0.4 * X**2, "residual": 10.0 ** (-17 + 2 * np.sin(9 * X))}
     plots = [Plot(k, k, "", "t", (Line("l", X / 6, y),), log=k == "residual") for k, y in curves.items()]

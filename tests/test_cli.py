@@ -145,6 +145,7 @@ def test_a_mistake_is_one_line_and_nothing_is_written(words, parts, tmp_path, co
     assert left - {"journal.sqlite", "history.sqlite"} == {f"{name}.toml" for name in texts}
 
 
+@pytest.mark.slow
 def test_compare_writes_one_folder_and_report_makes_the_page_again(tmp_path, command):
     done = cli("compare growing-disk --refine 3 --dt 0.05 --out c", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -295,6 +296,7 @@ def test_the_version_and_help_are_short_words(command):
     assert command("compare -h").stdout.startswith("Usage: ")
 
 
+@pytest.mark.slow
 def test_a_prediction_says_of_what_and_takes_a_scene(command):
     said = command("predict threshold --scene mode-2-cell --d 0.5 --m 1:2")
     assert said.stdout.startswith(

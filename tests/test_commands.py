@@ -58,6 +58,7 @@ CASES = {
 LONG = ("growth", "references, steps chosen")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [pytest.param(one, marks=pytest.mark.slow) if one in LONG else one for one in CASES]
 )

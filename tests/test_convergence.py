@@ -167,6 +167,7 @@ def whole(carried):
     return carried("converge")
 
 
+@pytest.mark.slow
 def test_both_codes_show_their_orders_on_coarse_levels(whole):
     found = whole.report
     assert [order.verdict for order in found.tables["orders"].rows] == [Verdict.PASS] * 4

@@ -74,6 +74,7 @@ def test_scenes_whose_truth_broke_down_state_nothing():
     assert not scenes & {task.ask.name for task in asked[0]}
 
 
+@pytest.mark.slow
 def test_a_ladder_with_an_exact_solution_is_covered_and_a_flattered_one_is_not(tmp_path: Path, monkeypatch):
     scene = load_scene("manufactured-moving")
     ladder = AskedLadder(Stored(scene, Numerics(find_method("fem-p2-imex3"), 4, 0.025), "run.vtkhdf"), "")
@@ -127,6 +128,7 @@ def test_what_an_accuracy_delivers_is_judged(errors, failing):
     assert f"of {len(errors)} accuracies" in report.title
 
 
+@pytest.mark.slow
 def test_a_mode_is_delivered_as_asked_and_a_loose_climb_is_seen(tmp_path: Path, monkeypatch):
     asked = AskedDeliveries(load_scene("mode-11-wall"), (1e-2, 1e-3))
     found = delivered(asked, tmp_path).rows

@@ -145,6 +145,7 @@ def test_a_ring_off_the_sides_costs_p2_its_order():
     assert errors[0.3, 3] > 50 * errors[0, 3]
 
 
+@pytest.mark.slow
 def test_the_report_charts_its_runs_and_keeps_their_meshes(carried):
     whole, family = carried("distort"), FAMILIES["slivers"]
     rows = whole.report.tables["runs"].rows

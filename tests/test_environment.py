@@ -96,6 +96,7 @@ def without_stderr() -> None:
     os.close(2)
 
 
+@pytest.mark.slow
 @posix
 def test_everything_at_once_changes_no_bit_of_a_run_and_says_one_object(place: Path, tmp_path: Path) -> None:
     run = ("run", "static-decay", "--method", "fv-coupled", "--refine", 2, "--dt", 0.1, "--out", "a.vtkhdf")

@@ -112,6 +112,7 @@ def test_any_rates_are_zeros_in_pairs_and_as_many_as_counted(
         assert abs(modes.determinant(rate, jv)) < 1e-9 * np.abs(around).max()
 
 
+@pytest.mark.slow
 def test_the_moving_cell_is_stable_where_the_article_has_its_bifurcation():
     """psi = 62.4 is unstable for the wall and stable for the cell, whose threshold is 101 (m = 0)."""
     cell = Model(Parameters(0.0, 0.26), delta=Delta.NONE)

@@ -254,6 +254,7 @@ def test_two_methods_of_one_package_are_one_code(twins, tmp_path):
     assert not list(tmp_path.glob("*--coarser-*"))
 
 
+@pytest.mark.slow
 def test_a_page_reads_from_the_files_whose_code_made_a_run(twins, tmp_path):
     compared(tmp_path, [*twins, METHODS["fem-p1-imex2"]])
     runs = list(comparison.read_comparison(tmp_path / comparison.FILE_NAME).runs.values())

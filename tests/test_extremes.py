@@ -63,6 +63,7 @@ def test_the_breakdown_is_the_root_between_the_last_states():
     assert approach.breakdown == pytest.approx(1.25)
 
 
+@pytest.mark.slow
 def test_two_kinds_of_elements_agree_on_the_end_of_the_model_to_three_digits(ladder):
     assert all(one.outcome == "singular_dilation" for one in ladder)
     times = [one.breakdown for one in ladder[1:4:2]]

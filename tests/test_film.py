@@ -110,6 +110,7 @@ def test_times_of_a_film_are_those_that_all_runs_have_which_come_so_far(page: Pa
     assert common_times([some, early]) == [0, 1, 2, 3, 4]  # the last picture of each is shown
 
 
+@pytest.mark.slow
 def test_a_film_opens_at_the_last_time_that_all_runs_reach(tab: Page, page: Path) -> None:
     opened(tab, page)
     assert text(tab, ".time") == "t = 0.1636"
@@ -145,6 +146,7 @@ def test_a_failed_run_has_no_frame_where_it_had_ended(page: Path) -> None:
     assert failed["outcome"] == "tangled"
 
 
+@pytest.mark.slow
 def test_play_runs_to_the_end_and_pauses(film: Page) -> None:
     start = pixels(film)
     film.click(".player .play")
@@ -168,6 +170,7 @@ def test_play_runs_to_the_end_and_pauses(film: Page) -> None:
     assert film.evaluate(f"{FILM}.querySelector('input').value") == "4"
 
 
+@pytest.mark.slow
 def test_output_times_are_stepped_through_by_arrow_keys(film: Page) -> None:
     film.evaluate(f"{FILM}.querySelector('input').focus()")
     seen = [text(film, ".time")]
@@ -183,6 +186,7 @@ def test_output_times_are_stepped_through_by_arrow_keys(film: Page) -> None:
     assert label.startswith("a of fem-p1-paper at t = 0.1636, values ")
 
 
+@pytest.mark.slow
 def test_who_asked_for_less_motion_sees_output_times_alone(film: Page) -> None:
     film.emulate_media(reduced_motion="reduce")
     seen = f"new MutationObserver(() => seen.add({FILM}.querySelector('.time').textContent))"
@@ -192,6 +196,7 @@ def test_who_asked_for_less_motion_sees_output_times_alone(film: Page) -> None:
     assert set(film.evaluate("[...seen]")) <= {f"t = {t:.4g}" for t in TIMES}
 
 
+@pytest.mark.slow
 def test_the_mesh_is_drawn_and_taken_away(film: Page) -> None:
     without = [pixels(film, i) for i in range(3)]
     film.click(".player input[type=checkbox]")
@@ -200,6 +205,7 @@ def test_the_mesh_is_drawn_and_taken_away(film: Page) -> None:
     assert [pixels(film, i) for i in range(3)] == without
 
 
+@pytest.mark.slow
 def test_the_value_under_the_pointer_is_that_of_the_triangle(film: Page, page: Path) -> None:
     film.evaluate(f"{FILM}.querySelector('input').focus()")
     film.keyboard.press("End")
@@ -224,6 +230,7 @@ def test_the_value_under_the_pointer_is_that_of_the_triangle(film: Page, page: P
     assert "mark" not in text(film, ".extent")
 
 
+@pytest.mark.slow
 def test_runs_are_chosen_where_there_are_more_than_two(film: Page) -> None:
     assert film.evaluate(f"{FILM}.querySelectorAll('select').length") == 0
     options = f"[...{LAST}.querySelectorAll('select')].map(one => one.selectedOptions[0].textContent).join()"

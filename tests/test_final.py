@@ -52,6 +52,7 @@ def test_of_a_mode_the_growth_is_said_and_of_nothing_nothing():
     assert in_a_sentence([]) == ""
 
 
+@pytest.mark.slow
 def test_a_comparison_says_values_first_in_terminal_page_and_json(tmp_path, command):
     words = "compare static-decay --refine 2 --dt 0.1 --out c --quiet"
     said = [command(words).stdout, command(words, "--json").stdout]

@@ -236,6 +236,7 @@ end = 0.05526
 """
 
 
+@pytest.mark.slow
 def test_where_the_model_ends_completing_is_wrong_and_failing_is_right(tmp_path):
     scene = parse_scene(MODEL_ENDS, "ends.toml")
     points = [replace(point_of(scene, METHODS[FEM], {}), refine=3, steps=steps) for steps in (1, 400)]

@@ -216,6 +216,7 @@ def adaptive(scene, rtol, refine=3):
 SCENES = [SMOOTH, pytest.param(load_scene("fig14-four-fronts"), marks=pytest.mark.slow)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES, ids=["smooth", "fig14"])
 def test_the_error_falls_with_the_tolerance(scene):
     fine = play(scene, METHOD, 3, scene.time.end / 250, [scene.time.end]).last
@@ -230,6 +231,7 @@ def test_the_error_falls_with_the_tolerance(scene):
     assert errors[-1] < 3e-4, errors
 
 
+@pytest.mark.slow
 def test_steps_that_miss_the_tolerance_are_rejected():
     film, tried = adaptive(SMOOTH, 1e-6)
     assert tried > len(film.states) - 1

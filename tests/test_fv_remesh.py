@@ -147,6 +147,7 @@ def remeshed_run(refine: int):
     return solver, *run(solver, 0.45)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_on_its_new_mesh_at_second_order():
     wrong = []
     for refine in (3, 4):
@@ -197,6 +198,7 @@ def test_steps_are_pure_and_a_state_kept_goes_on_to_the_same_bits():
             assert (one.a == other.a).all()
 
 
+@pytest.mark.slow
 def test_a_run_passes_the_time_at_which_its_mesh_folds():
     plain, replaced = remeshing(3)
     seen, ending = run(plain, 1.0)
@@ -235,6 +237,7 @@ def numbers(method: str, refine: int, steps: int, remesh: bool = False) -> list:
     return [measured.area, measured.total_actin, *x.ravel()]
 
 
+@pytest.mark.slow
 def test_a_free_cell_goes_on_as_well_as_on_its_first_mesh():
     """Elastic stress, dilation, F N on the rim and the ring's jump on a mesh that is new."""
     true = np.array(numbers("fem-p4-imex4", 3, 40))

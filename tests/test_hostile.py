@@ -39,6 +39,7 @@ def refusal(read: Callable[..., object], *given: object) -> str:
     return ""
 
 
+@pytest.mark.slow
 def test_a_campaign_of_hostile_inputs_finds_nothing():
     answers, grown = campaign(200, seed=11)
     assert not [answer for answer in answers if answer.problem], summary(answers, grown)

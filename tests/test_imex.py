@@ -65,6 +65,7 @@ def test_the_pairs_meet_their_order_conditions_coupling_included(pair):
     assert pair.b_embedded.sum() == pytest.approx(1, abs=1e-13)
 
 
+@pytest.mark.slow
 @EVERY
 def test_order_in_dt_of_the_coupled_moving_cell(method):
     """Differences of successive levels on a fixed mesh, ring and all, from a state the equations have made.
@@ -81,6 +82,7 @@ def test_order_in_dt_of_the_coupled_moving_cell(method):
     assert local_orders(changes([end.x for end in ends]))[-1] > order - (0.4 if order < 5 else 0.8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "levels"), [("fem-p2-imex3", (2, 3, 4)), ("fem-p3-imex4", (1, 2, 3))])
 def test_order_in_h_of_the_viscous_moving_cell(method, levels):
     """Area and total actin against a finer run; `viscous` needs no trace of div u and has the full order."""

@@ -22,6 +22,7 @@ def test_fig14_turned_by_37_degrees_turns_its_result(method):
     assert np.abs(one.a - 1).max() > 0.01
 
 
+@pytest.mark.slow
 def test_fem_and_fv_part_on_fig14_by_an_amount_of_second_order_in_h():
     """Both march with (B.23b) in time, so the time step drops out of their difference."""
     scene, differences = load_scene("fig14-four-fronts"), []

@@ -240,6 +240,7 @@ def test_numbers_with_units_are_converted(tmp_path):
         read_theirs(tmp_path / "si.csv", scene, "a", "parsec")
 
 
+@pytest.mark.slow
 def test_a_run_of_ours_is_judged_as_any_other(tmp_path, command):
     assert command("run static-decay --method fv --refine 3 --dt 0.02 --out r.vtkhdf --quiet").returncode == 0
     done = command("judge static-decay r.vtkhdf --within 0.02 --out j --json --quiet")

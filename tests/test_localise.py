@@ -107,6 +107,7 @@ def test_what_was_asked_for_already_is_not_asked_for_again():
     assert {job.file for levels in asked[0].ask for job in levels} == {run.ask.file for run in runs}
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_early_parts_where_the_other_force_balance_does_not(tmp_path):
     """A fault because of which the volumes' force balance is not solved."""
     report, found = compared(tmp_path, SECOND, "fv-viscosities-swapped")

@@ -106,6 +106,7 @@ def test_a_check_without_end_is_stopped_and_not_run(night, tmp_path, capsys):
     assert f"NOT RUN endless: {left.why}" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_at_the_end_of_the_budget_what_runs_is_stopped_and_not_red(night, tmp_path):
     """However soon it had been expected: of its patience of minutes it had a few seconds."""
     slower = Stub("slower than thought", 0.01, lasts=60)

@@ -63,6 +63,7 @@ def test_predict_gives_the_exact_rates():
         actin_xcheck.predict("fig14-four-fronts")
 
 
+@pytest.mark.slow
 def test_a_comparison_and_a_report_show_what_they_come_to(tmp_path):
     found = actin_xcheck.cross_check("static-decay", ["fem-p1-imex2", "fv"], refine=2, out=tmp_path, jobs=1)
     assert repr(found).startswith("<Comparison of 2 runs: ")

@@ -241,6 +241,7 @@ def test_what_is_no_mesh_of_one_cell_is_refused_in_one_line(tmp_path, name):
     assert "\n" not in message
 
 
+@pytest.mark.slow
 def test_other_cells_files_and_dimensions_are_refused_in_one_line(tmp_path, capsys, monkeypatch):
     monkeypatch.undo()  # readers complain of what they cannot read: in a process of their own
     quads = write(tmp_path / "quads.vtu", SQUARE, [("triangle", FAN.T), ("quad", np.array([[0, 1, 2, 3]]))])

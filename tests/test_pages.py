@@ -22,6 +22,7 @@ QUICK = ("closures", "faults", "night", "dashboard", "paper", "predict", "random
 SLOW = ("compare", "curves", "chart", "frontier", "converge", "distort", "extremes")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [*QUICK, *(pytest.param(one, marks=pytest.mark.slow) for one in SLOW)])
 def test_everything_on_a_page_can_be_read(tab: Page, page_of: Callable[[str], Path], kind: str) -> None:
     for width, theme in ((1280, "light"), (390, "dark")):
@@ -33,6 +34,7 @@ def test_everything_on_a_page_can_be_read(tab: Page, page_of: Callable[[str], Pa
         assert pale(tab) == []
 
 
+@pytest.mark.slow
 def test_the_readmes_picture_is_a_report_in_its_colours(
     tab: Page, page_of: Callable[[str], Path], tmp_path: Path
 ) -> None:

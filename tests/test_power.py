@@ -157,6 +157,7 @@ def test_power_fails_at_three_thousand_moments(tmp_path, monkeypatch):
         _goes_on(tmp_path, content, expected)
 
 
+@pytest.mark.slow
 def test_calls_of_a_run_that_fail_are_a_sentence_and_it_goes_on(tmp_path, monkeypatch):
     """Of its first checkpoint the write and the folder's fsync, of its end the same; a night tries all."""
     _fail_each(tmp_path, monkeypatch, errno.EIO, lambda calls: (2, 7, calls - 7, calls - 2))

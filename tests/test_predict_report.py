@@ -210,6 +210,7 @@ def test_maps_are_drawn_where_their_pixels_are():
     assert list(legend.values()) == list(colours.values())[:4]
 
 
+@pytest.mark.slow
 def test_threshold_names_the_lowest():
     def found(*arguments):
         done = CliRunner().invoke(predict.app, ["threshold", "--json", *arguments], catch_exceptions=False)
@@ -222,6 +223,7 @@ def test_threshold_names_the_lowest():
     assert found("--p", "1.646", "--delta", "full", "--m", "1:1")["lowest"] is None
 
 
+@pytest.mark.slow
 def test_a_browser_shows_its_pictures(tab, page):
     tab.goto(page.as_uri())
     pictures = "Array.from(document.images, image => image.naturalWidth > 100)"

@@ -54,6 +54,7 @@ def test_what_does_not_end_is_ended_even_where_the_interpreter_waits_for_it() ->
     assert time.monotonic() - began < 30
 
 
+@pytest.mark.slow
 def test_a_reader_of_meshes_that_goes_round_for_ever_is_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(mesh_file, "PATIENCE", 3.0)
     (tmp_path / "cell.node").write_text("")
@@ -218,6 +219,7 @@ def refused(said: str):
     return pytest.raises(UserError, match=f"^--scheduler: {said}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.0 400 Bad Request\r\n\r\n<html>no</html>"])
 def test_what_listens_but_is_no_scheduler_is_a_mistake_soon(says: bytes) -> None:
     pytest.importorskip("distributed")

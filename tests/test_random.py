@@ -82,6 +82,7 @@ def test_a_fault_of_one_code_is_a_miss(tmp_path: Path):
         assert check(question(0), tmp_path).misses
 
 
+@pytest.mark.slow
 def test_a_miss_is_made_as_simple_as_it_can_be():
     asked: list[DrawnScene] = []
 

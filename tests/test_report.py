@@ -217,6 +217,7 @@ def test_links_lead_to_the_runs_beside_the_page(reported: Reported) -> None:
     assert sorted(links) == sorted(path.name for path in page.parent.glob("*.vtkhdf"))
 
 
+@pytest.mark.slow
 def test_a_browser_shows_its_pictures(tab: Page, reported: Reported) -> None:
     tab.goto(reported[0].as_uri())
     assert tab.evaluate("document.title").startswith("4 of 6 claims hold")

@@ -84,6 +84,7 @@ EVERY_PUSH = {(*CASES[0], method) for method in ("fem-p3-imex4", "fv-order2")}
 EVERY_PUSH |= {(*case, method) for case in CASES for method in ("fem-p2-imex3", "fv")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [
@@ -98,6 +99,7 @@ def test_positions_keep_the_order_of_the_method_at_a_free_rim(case):
     assert found[-1] < 1.5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", [pytest.param("fem-p1-imex2", marks=pytest.mark.slow), "fem-p2-imex3", "fv"]
 )
@@ -109,11 +111,13 @@ def test_the_trace_alone_costs_an_order(method, monkeypatch):
     assert trace[-1] > 1.5 * carried[-1]
 
 
+@pytest.mark.slow
 def test_without_the_reaction_along_tied_directions_the_order_is_lost(monkeypatch):
     monkeypatch.setattr(FreeRim, "_reaction", lambda self, x, residual: np.zeros_like(self.points))
     assert local_orders(errors(*CASES[0], "fem-p2-imex3"))[-1] < 2.6
 
 
+@pytest.mark.slow
 def test_what_f_jumps_by_at_a_membrane_is_a_traction(monkeypatch):
     _, area = truth("traction-free", "membrane")
 

@@ -224,6 +224,7 @@ def test_the_destination_changes_only_at_the_finish(tmp_path: Path, mesh: Mesh) 
     assert [*tmp_path.iterdir()] == [path]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a signal that cannot be caught")
 def test_what_a_killed_process_leaves_is_its_last_checkpoint(tmp_path: Path) -> None:
     script = """

@@ -228,6 +228,7 @@ def timed(numbers):
     return Report("", "", {"squares": Table("Squares", answers)})
 
 
+@pytest.mark.slow
 def test_what_is_timed_runs_by_itself_when_the_others_are_over_and_is_kept(tmp_path):
     told = []
     with executor(2) as processes:
@@ -308,6 +309,7 @@ def asked(folder):
         return sorted(json.loads(one) for (one,) in rows.execute("SELECT asked FROM answers"))
 
 
+@pytest.mark.slow
 def test_the_study_of_the_docs_is_whole_and_has_at_most_sixty_lines(tmp_path):
     assert len(TOY.read_text(encoding="utf-8").splitlines()) <= 60
     said = toy(tmp_path / "toy")

@@ -135,6 +135,7 @@ def test_a_key_is_that_of_scene_method_numerics_and_code_alone(monkeypatch) -> N
     assert one.key not in keys
 
 
+@pytest.mark.slow
 def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -> None:
     path, out = sweep_file(tmp_path, SMALL), tmp_path / "out"
     done = command("sweep", path, *OPTIONS, "--jobs", 2, "--out", out, "--json")
@@ -181,6 +182,7 @@ def test_a_sweep_is_its_runs_and_goes_on_where_it_was(tmp_path: Path, command) -
     assert np.array_equal(more["total_actin"][kept], table["total_actin"])
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_rows_and_the_others_go_on(tmp_path: Path, command) -> None:
     text = 'scene = "sec54-failure"\n[over]\nparameters.psi = [1.0, 1.04e5]\ntime = [{ end = 0.01 }]\n'
     sweep_file(tmp_path, text)
@@ -205,6 +207,7 @@ def test_runs_that_fail_are_rows_and_the_others_go_on(tmp_path: Path, command) -
     assert command(words, "--force").returncode == 1
 
 
+@pytest.mark.slow
 def test_an_exception_is_a_row_and_is_tried_again(tmp_path: Path) -> None:
     """Growth is measured against an unperturbed run, step by step: not with steps chosen by their error."""
     path = sweep_file(tmp_path, 'scene = "mode-1-cell"\n[over.initial]\na = ["1", "1 + 1e-4*x"]\n')
@@ -289,6 +292,7 @@ def test_a_scheduler_without_workers_and_one_that_goes_are_one_line(tmp_path: Pa
     assert set(kept["outcome"]) == {"completed"}
 
 
+@pytest.mark.slow
 def test_every_run_of_a_sweep_is_as_accurate_as_asked_and_says_so(tmp_path: Path) -> None:
     path = sweep_file(tmp_path, SMALL.replace("count = 3", "count = 2"))
     asked = {"out": tmp_path / "out", "jobs": 1, "accuracy": 1e-3}
@@ -330,6 +334,7 @@ def test_a_mistake_beside_an_accuracy_is_one_line(methods, options, said, tmp_pa
         actin_xcheck.sweep(path, methods, out=tmp_path / "out", **{"accuracy": 1e-3, **options})
 
 
+@pytest.mark.slow
 def test_a_page_shows_every_column_over_the_ranges(tmp_path):
     """psi and p over a rectangle: lines with the table's numbers, a map of outcomes, a cell a run."""
     asked = 'scene = "static-decay"\n[over.parameters]\npsi = [0, 1, 2]\np = [0.1, 0.3]\n'

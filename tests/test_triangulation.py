@@ -138,6 +138,7 @@ def adaptive_levels(method, refine, rtol, folder):
     return scene, Levels(chosen, tuple(read_run(folder / one.file) for one in levels))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "refine", "rtol"),
     [

@@ -345,6 +345,7 @@ def test_a_run_that_is_far_off_is_no_success_though_all_its_claims_hold(tmp_path
     assert page.attributes("h1", "class") == ["unsure"]
 
 
+@pytest.mark.slow
 def test_two_codes_that_know_it_well_are_one(tmp_path, capsys):
     said, page = compared(tmp_path, capsys, "static-decay", refine=4, dt=0.05)
     (found,) = read_comparison(tmp_path / FILE_NAME).known
@@ -362,6 +363,7 @@ def test_one_code_without_theory_knows_nothing(tmp_path, capsys):
     assert again == tmp_path / "index.html"
 
 
+@pytest.mark.slow
 def test_a_scene_that_must_end_is_green_where_both_codes_end_there(tmp_path, capsys):
     said, page = compared(tmp_path, capsys, "fig18-nonuniform-contraction-viscoelastic", refine=3)
     assert said.startswith(
