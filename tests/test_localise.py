@@ -24,9 +24,10 @@ from actin_xcheck.studies.compare_page import write_comparison_page
 from actin_xcheck.studies.faults import FAULTS
 from actin_xcheck.studies.faults.fault import replaced
 from actin_xcheck.studies.stored import Ran
-from actin_xcheck.studies.study import Report, carry_out_here
+from actin_xcheck.studies.study import Report
 from actin_xcheck.verdicts.judge import KnownTo
 from tests.lab import FEM, FV
+from tests.studies import carry
 
 SCENE = "smooth-fronts"
 PAPER, SECOND = ("fem-p1-paper", "fv-paper"), ("fem-p1-imex2", "fv")
@@ -46,7 +47,7 @@ def compared(folder: Path, methods: tuple[str, ...], *faults: str) -> tuple[Repo
     with ExitStack() as stack:
         for fault in faults:
             stack.enter_context(replaced(FAULTS[fault].target, FAULTS[fault].wrong))
-        carry_out_here("compare", study(), folder, "python -m actin_xcheck compare")
+        carry(folder, study(), name="compare")  # with a journal: pairs that part are kept and read again
     return reports[0], read_comparison(folder / FILE_NAME)
 
 

@@ -194,7 +194,8 @@ def _get_tuple(stored: Any, item: Any) -> tuple[Any, ...]:
 
 def _is_named(item: Any) -> bool:
     """Whether a tuple is a name with so many numbers, not a row of one kind."""
-    return get_args(item)[0] is str and Ellipsis not in get_args(item)
+    name, *rest = get_args(item)
+    return name is str and Ellipsis not in rest and str not in rest
 
 
 def _without_none(hint: Any) -> Any:
