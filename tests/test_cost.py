@@ -7,7 +7,8 @@ import pytest
 from actin_xcheck.core.parameters import Fidelity
 from actin_xcheck.runs.fidelity import Reduction
 from actin_xcheck.runs.method import METHODS
-from actin_xcheck.runs.numerics import Numerics, chosen_steps, run_seconds, seconds_of
+from actin_xcheck.runs.numerics import Numerics, Wanted, chosen_steps, run_seconds, seconds_of, steps_of
+from actin_xcheck.scene.scene import load_scene
 
 
 @pytest.mark.parametrize(
@@ -44,6 +45,18 @@ def test_a_step_takes_what_it_took_to_a_factor_of_two(method, refine, millisecon
 )
 def test_a_tolerance_takes_as_many_steps_as_it_took_to_a_factor_of_two(method, rtol, steps):
     assert steps / 2 < chosen_steps(METHODS[method], rtol) < 2 * steps
+
+
+@pytest.mark.parametrize(("method", "rtol"), [("fem-p3-imex4", 1e-5), ("fv-order2", 1e-5), ("fv", 1e-3)])
+def test_a_tolerance_that_is_easily_met_takes_as_many_steps_as_the_largest_one_makes(method, rtol):
+    """On Fig. 14, published with a step, the first two took 161, not the 13 and 47 of the tolerance."""
+    scene = load_scene("fig14-four-fronts")
+    asked = Wanted(method, refine=2, rtol=rtol).on(scene)
+    assert steps_of(asked, scene.output_times) == 161
+    free = replace(asked, dt=scene.time.end)
+    assert steps_of(free, scene.output_times) == chosen_steps(METHODS[method], rtol) < 100
+    strict = replace(asked, rtol=1e-9, method=METHODS["fv"])
+    assert steps_of(strict, scene.output_times) == chosen_steps(METHODS["fv"], 1e-9) > 1000
 
 
 def test_less_is_cheaper_and_a_driver_costs_too():

@@ -191,10 +191,9 @@ def seconds_of(method: Method, refine: int, steps: float) -> float:
 
 
 def steps_of(numerics: Numerics, output_times: Sequence[float]) -> float:
-    """Steps that a run takes: about, where their size is chosen."""
-    if numerics.rtol is None:
-        return step_count(numerics.dt, output_times)
-    return chosen_steps(numerics.method, numerics.rtol)
+    """Steps that a run takes: about, where their size is chosen, and none of them is larger than dt."""
+    least = step_count(numerics.dt, output_times)
+    return least if numerics.rtol is None else max(least, chosen_steps(numerics.method, numerics.rtol))
 
 
 def chosen_steps(method: Method, rtol: float) -> float:
