@@ -8,16 +8,18 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from actin_xcheck.core import files
+from actin_xcheck.core.contract import Frame
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database, locked, replace_file, unfinished
 from actin_xcheck.runs import march
-from actin_xcheck.runs.store import annotate, read_run
+from actin_xcheck.runs.store import RUN_ATTRIBUTES, RunWriter, annotate, read_run
 from actin_xcheck.scene.scene import load_scene
 from tests.kills import FRONTS, KINDS, QUICK, Kind, bits, campaign, go
 from tests.processes import posix, started, wait_until
@@ -202,6 +204,31 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path: Path, expected) -> Non
     assert bits(path) == expected
     assert _in_a_process(_fill, tmp_path / "more.vtkhdf", 1000) == 3  # not even the beginning fits
     assert [*tmp_path.iterdir()] == [path]
+
+
+def _starve(path: Path, bytes_more: int) -> None:
+    """In a process of its own: write frames with a limit on memory until there is none."""
+    import resource
+
+    n = 50_000
+    xi, cells, frame = np.zeros((2, n)), np.zeros((3, n), dtype=np.int64), np.ones(n)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + bytes_more
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    with (
+        suppress(MemoryError),
+        RunWriter(path, xi, cells, frame, dict.fromkeys(RUN_ATTRIBUTES, "")) as writer,
+    ):
+        for t in range(100):
+            writer.frame(t, Frame(xi, xi, frame, frame))
+    sys.exit(2)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks /proc how much memory there is")
+@pytest.mark.parametrize("bytes_more", [60 * 2**20, 110 * 2**20])
+def test_a_run_without_memory_ends_in_its_error_and_not_in_a_crash(tmp_path: Path, bytes_more: int) -> None:
+    assert _in_a_process(_starve, tmp_path / "run.vtkhdf", bytes_more) == 2
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch) -> None:

@@ -49,6 +49,9 @@ _CHECKPOINT = "checkpoint"
 _ROWS_PER_CHUNK, _NUMBERS_KEPT = 256, 2**16
 """Rows, and coordinates of frames, that are gathered before they are written: each access takes its time."""
 
+_SPARE = 2**26
+"""Bytes that are kept free for HDF5, which crashes where the image of a file cannot grow, be it to be closed."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Run(vtkhdf.Film):
@@ -120,6 +123,7 @@ class RunWriter:
         self._rows: list[dict[str, Array]] = []
         self._frames: list[tuple[float, Frame]] = []
         self._shapes: dict[str, tuple[int, ...]] = {}
+        self._spare: NDArray[np.uint8] | None = None
         self._file = _in_memory(unfinished(self._path), "r+" if goes_on else "w")
         if goes_on:
             self._series = self._file["run/series"]
@@ -131,7 +135,8 @@ class RunWriter:
             run = self._file.create_group("run")
             state(run, {"schema": SCHEMA, **attributes})
             self._series = run.create_group("series")
-            vtkhdf.create(self._file, xi, cells, delta)
+            with self._room(xi.nbytes + cells.nbytes):
+                vtkhdf.create(self._file, xi, cells, delta)
 
     @property
     def rows(self) -> int:
@@ -168,12 +173,13 @@ class RunWriter:
         if _CHECKPOINT in run:
             del run[_CHECKPOINT]
         stored = run.create_group(_CHECKPOINT)
-        for name, array in arrays.items():
-            if not array.flags.forc:
-                raise ValueError(f"{name} of a checkpoint is not contiguous")
-            transposed = not array.flags.c_contiguous
-            stored[name] = array.T if transposed else array
-            stored[name].attrs["transposed"] = transposed
+        with self._room(sum(array.nbytes for array in arrays.values())):
+            for name, array in arrays.items():
+                if not array.flags.forc:
+                    raise ValueError(f"{name} of a checkpoint is not contiguous")
+                transposed = not array.flags.c_contiguous
+                stored[name] = array.T if transposed else array
+                stored[name].attrs["transposed"] = transposed
         self._put(unfinished(self._path), outcome, wall_seconds)
 
     def last_checkpoint(self) -> dict[str, NDArray[Any]]:
@@ -198,28 +204,41 @@ class RunWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._spare = None
         self._file.close()
+
+    @contextmanager
+    def _room(self, more: int = 0) -> Iterator[None]:
+        """Let HDF5 have room for so many bytes more; MemoryError before it begins where there is none."""
+        self._spare = None
+        np.empty(_SPARE + 4 * more, dtype=np.uint8)  # asked for, and given back
+        yield
+        self._spare = np.empty(_SPARE, dtype=np.uint8)  # what is not touched takes no memory, but an address
 
     def _put(self, path: Path, outcome: Outcome, wall_seconds: float) -> None:
         self._write_rows()
         self._write_frames()
         ending = (str(outcome.ending), outcome.message, wall_seconds)
-        state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
+        with self._room():
+            state(self._file["run"], dict(zip(_ENDING, ending, strict=True)))
+            image = _image(self._file)
         try:
-            replace_file(path, _image(self._file))
+            replace_file(path, image)
         except UserError as error:
             if not (kept := unfinished(self._path)).exists():
                 raise
             raise UserError(f"{error}; {kept.name} holds the last checkpoint, --resume goes on") from error
 
     def _write_rows(self) -> None:
-        for name in self._rows[0] if self._rows else ():
-            vtkhdf.append(self._series[name], np.stack([row[name] for row in self._rows]))
+        with self._room():
+            for name in self._rows[0] if self._rows else ():
+                vtkhdf.append(self._series[name], np.stack([row[name] for row in self._rows]))
         self._rows.clear()
 
     def _write_frames(self) -> None:
         if self._frames:
-            vtkhdf.append_frames(self._file, *zip(*self._frames, strict=True))
+            with self._room(sum(3 * frame.x.nbytes + frame.a_cells.nbytes for _, frame in self._frames)):
+                vtkhdf.append_frames(self._file, *zip(*self._frames, strict=True))
         self._frames.clear()
 
 
