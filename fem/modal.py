@@ -6,14 +6,27 @@ multiplied by exp(L_m t): a step of any length is exact.  The rows of L_m sum to
 actin.  What is neglected is quadratic in the perturbation; `Modal.neglected` estimates it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
+from typing import Generic
 
 import numpy as np
 from numpy.typing import NDArray
 
-from actin_xcheck.core.contract import Frame, Grid, Memento, Probes, Problem, State, recalled, remembered
+from actin_xcheck.core.contract import (
+    Frame,
+    Grid,
+    Memento,
+    Probes,
+    Problem,
+    S,
+    Solver,
+    State,
+    recalled,
+    remembered,
+)
 from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure
@@ -115,11 +128,12 @@ class Modal:
         """Exact for any dt, up to what is neglected."""
         harmonics, fed, part = state.harmonics, state.fed, dt / LOOKS
         size, grown = self._mean_square(harmonics), np.exp(part * self._fastest)
+        feed = self.problem.model.feeding()
         for _ in range(LOOKS):
             pairs = zip(self._modes, harmonics, strict=True)
             harmonics = np.array([mode.carried(values, part) for mode, values in pairs])
             before, size = size, self._mean_square(harmonics)
-            fed = float(grown * (fed + part * self._feed * max(before, size)))
+            fed = float(grown * (fed + part * feed * max(before, size)))
         t = state.t + dt
         if not np.isfinite(fed):
             return state, Outcome(Ending.NON_FINITE, f"the modes are not finite at t = {t:.6g}")
@@ -262,19 +276,13 @@ class Modal:
         modes = (known.get(m) or AngularMode(self.problem.model, self.ray, m) for m in excited)
         return max(0.0, *(float(np.linalg.eigvals(mode.generator).real.max()) for mode in modes))
 
-    @cached_property
-    def _feed(self) -> float:
-        return self.problem.model.feeding()
-
     def _given(self) -> Array:
         """Initial a - 1, u_r and u_theta at the ray's nodes and all angles, (3, N, n_theta)."""
         radii, theta = np.meshgrid(self.ray.nodes, self._theta, indexing="ij")
         outward = np.array([np.cos(theta), np.sin(theta)])
         points = (radii * outward).reshape(2, -1)
-        a, (x, y) = (
-            self.problem.a0(points).reshape(radii.shape),
-            self.problem.u0(points).reshape(outward.shape),
-        )
+        a = self.problem.a0(points).reshape(radii.shape)
+        x, y = self.problem.u0(points).reshape(outward.shape)
         along, across = outward[0] * x + outward[1] * y, outward[0] * y - outward[1] * x
         if self.problem.model.closure is Closure.IRROTATIONAL_WALL:
             along[-1] = 0.0
@@ -315,3 +323,74 @@ def _turned(theta: Array, along: Array, across: Array) -> Array:
     """Cartesian components of a vector given along and across the rays at angles theta."""
     cos, sin = np.cos(theta), np.sin(theta)
     return np.array([cos * along - sin * across, sin * along + cos * across])
+
+
+class HandOver(Generic[S]):
+    """A small perturbation as modes, handed over to a solver of the whole model when it has grown.
+
+    Parameters
+    ----------
+    modal : carries the modes, and shows them on the mesh of the whole model.
+    later : solves that.
+    whole : binds the solver of the whole model to a problem; it goes on from any of the modes' states.
+    bound : largest error that the modes may make, see `Modal.neglected`.
+    """
+
+    def __init__(
+        self, modal: Modal, later: Solver[S], whole: Callable[[Problem], Solver[S]], bound: float
+    ) -> None:
+        self.modal, self.later, self.whole, self.bound = modal, later, whole, bound
+        self.mesh, self.grid = later.mesh, later.grid
+
+    def init(self) -> ModalState | S:
+        """The modes of the initial data, or these themselves where they are too large."""
+        start = self.modal.init()
+        return replace(start, local_error=0.0) if self._small(start) else self.later.init()
+
+    def step(self, state: ModalState | S, dt: float) -> tuple[ModalState | S, Outcome]:
+        """A step of the modes as long as it ends within the bound, else one of the whole model."""
+        if isinstance(state, ModalState):
+            new, outcome = self.modal.step(state, dt)
+            if outcome.ok and self._small(new):
+                return replace(new, local_error=0.0), outcome  # exact in time
+            return self.later.step(self._handed_over(state), dt)
+        return self.later.step(state, dt)
+
+    def check(self, state: ModalState | S) -> Outcome:
+        """By whoever made the state, as all that follows."""
+        return self._of(state).check(state)
+
+    def corners(self, state: ModalState | S) -> Array:
+        """Corner values (3, n_cells)."""
+        return self._of(state).corners(state)
+
+    def measure(self, state: ModalState | S) -> Measures:
+        """Area, total actin, centroid and rim."""
+        return self._of(state).measure(state)
+
+    def frame(self, state: ModalState | S) -> Frame:
+        """On the whole model's grid."""
+        return self.later.frame(self._handed_over(state) if isinstance(state, ModalState) else state)
+
+    def probes(self, points: Array) -> Probes[ModalState | S]:
+        """Material points (2, k)."""
+        modal, later = self.modal.probes(points), self.later.probes(points)
+        return lambda state: modal(state) if isinstance(state, ModalState) else later(state)
+
+    def memento(self, state: ModalState | S) -> Memento:
+        """As whoever made the state keeps it."""
+        return self._of(state).memento(state)
+
+    def restored(self, memento: Memento) -> ModalState | S:
+        """By whoever made it: modes have harmonics."""
+        return (self.modal if "harmonics" in memento else self.later).restored(memento)
+
+    def _small(self, state: ModalState) -> bool:
+        return self.modal.neglected(state) <= self.bound
+
+    def _of(self, state: ModalState | S) -> Solver:
+        return self.modal if isinstance(state, ModalState) else self.later
+
+    def _handed_over(self, state: ModalState) -> S:
+        """The whole model's state at the time of the modes'."""
+        return replace(self.whole(self.modal.handed_over(state)).init(), t=state.t)

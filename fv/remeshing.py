@@ -22,8 +22,7 @@ from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import ON_A_CIRCLE, Indices, Mesh, locate, signed_areas
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.motion import Anchor
-from actin_xcheck.core.remesh import SLIVER, NoMesh, PresentCell, circle, new_mesh
-from actin_xcheck.core.remeshing import Remeshed, RemeshedState
+from actin_xcheck.core.remeshing import SLIVER, NoMesh, PresentCell, Remeshed, RemeshedState, circle, new_mesh
 from fv.equations import reconstruct, vertex_interpolation
 from fv.history import History
 from fv.mechanics import FvForceBalance

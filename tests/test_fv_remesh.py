@@ -10,8 +10,7 @@ from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import Mesh, disk, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.core.remesh import SLIVER, NoMesh, edge_of
-from actin_xcheck.core.remeshing import RemeshedState
+from actin_xcheck.core.remeshing import SLIVER, NoMesh, RemeshedState, edge_of
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind

@@ -11,13 +11,21 @@ from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.core.remesh import SLIVER, NoMesh, edge_of, new_mesh
+from actin_xcheck.core.remeshing import SLIVER, NoMesh, edge_of, new_mesh
 from fem.fields import measure, orientation
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.remeshing import RemeshedState, Remeshing
+from fem.remeshing import (
+    Reading,
+    Rebalanced,
+    RemeshedState,
+    Remeshing,
+    projected,
+    remeshed,
+    shapes,
+    soundness,
+)
 from fem.space import Space
-from fem.triangulation import Reading, Rebalanced, projected, remeshed, shapes, soundness
 from tests.lab import Film, film_of, local_orders
 
 L0, SPIN = 0.8, 4.0

@@ -18,7 +18,7 @@ from actin_xcheck.studies.study import answered
 from actin_xcheck.studies.transient import TransientCase, start_scene
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.judge import judge
-from fem.transient import Perturbations, powers
+from fem.linearised import Perturbations, powers
 from tests.lab import FEM
 
 WALL, CELL, FREE = Closure.IRROTATIONAL_WALL, Closure.REFERENCE_NORMAL, Closure.TRACTION_FREE

@@ -33,19 +33,19 @@ SECTOR = "fem.sector:Unfolded"
 MODAL = "fem.modal:Modal"
 """The linear modes of the rest state."""
 
-HAND_OVER = "fem.hand_over:HandOver"
+HAND_OVER = "fem.modal:HandOver"
 """These, then a solver of the whole model."""
 
 SPECTRUM = "fem.spectrum:Spectrum"
 """Eigenvalues of the finite elements about the steady state."""
 
-PERTURBATIONS, POWERS = "fem.transient:Perturbations", "fem.transient:powers"
+PERTURBATIONS, POWERS = "fem.linearised:Perturbations", "fem.linearised:powers"
 """Amplification of perturbations of it, and by powers of a step."""
 
 REMESHING = {"fem": "fem.remeshing:Remeshing", "fv": "fv.remeshing:FvRemeshing"}
 """Solvers whose mesh is replaced when it is about to fold, by the code of the method."""
 
-SHAPES, SOUNDNESS = "fem.triangulation:shapes", "fem.triangulation:soundness"
+SHAPES, SOUNDNESS = "fem.remeshing:shapes", "fem.remeshing:soundness"
 """The shape of a mesh's cells, and whether it is about to fold."""
 
 

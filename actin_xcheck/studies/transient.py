@@ -1,7 +1,7 @@
 """How far perturbations of the rest state grow before they decay, where every eigenvalue says that they do.
 
 Eigenvalues say what becomes of a perturbation in the end.  Until then a sum of decaying modes that are not
-orthogonal can grow: G(t) is the largest factor by which its energy has grown (`fem/transient.py`).
+orthogonal can grow: G(t) is the largest factor by which its energy has grown (`fem/linearised.py`).
 """
 
 from collections.abc import Sequence
