@@ -50,7 +50,7 @@ _ROWS_PER_CHUNK, _NUMBERS_KEPT = 256, 2**16
 """Rows, and coordinates of frames, that are gathered before they are written: each access takes its time."""
 
 _SPARE = 2**26
-"""Bytes that are kept free for HDF5, which crashes where the image of a file cannot grow, be it to be closed."""
+"""Bytes that are kept free for HDF5, which crashes where a file in memory cannot grow, be it to be closed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
