@@ -19,8 +19,16 @@ from actin_xcheck.core.errors import UserError, starved
 from actin_xcheck.core.mesh import signed_areas
 from actin_xcheck.core.model import Array, Model
 from actin_xcheck.runs.numerics import command
-from actin_xcheck.studies.faults import mechanics, one_sided, schemes, transport
-from actin_xcheck.studies.faults.fault import ControlError, Fault, Function, injected, there, watched
+from actin_xcheck.studies.faults import mechanics, one_sided, transport
+from actin_xcheck.studies.faults.fault import (
+    Catalogue,
+    ControlError,
+    Fault,
+    Function,
+    injected,
+    there,
+    watched,
+)
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 CLEAR = 2.0
@@ -285,79 +293,54 @@ def _green(clean: Clean) -> Claim:
     )
 
 
-def _polygonal(right: Function, space: Any, x: Array, a: Array) -> Any:
-    polygon = float((space.orientation * signed_areas(x, space.cells[:3])).sum())
-    return replace(right(space, x, a), area=polygon)
-
-
 def _next_cell(right: Function, held: Any, points: Array) -> Any:
     cells, weights = right(held, points)
     count = (held.triangles if hasattr(held, "triangles") else held.cells).shape[1]
     return (cells + 1) % count, weights
 
 
+OF_JUDGES = Catalogue()
+
+
+@OF_JUDGES("area-polygonal", "harness", "fem.imex:measure")
+def _polygonal(right: Function, space: Any, x: Array, a: Array) -> Any:
+    """The area of a cell with a curved rim is that of the polygon through its vertices."""
+    polygon = float((space.orientation * signed_areas(x, space.cells[:3])).sum())
+    return replace(right(space, x, a), area=polygon)
+
+
+OF_JUDGES("probes-off-curved", "harness", "fem.imex:locate", "Probes in curved cells read the next cell.")(
+    _next_cell
+)
+OF_JUDGES(
+    "probes-off",
+    "harness",
+    "actin_xcheck.core.contract:locate",
+    "Probes in straight cells read the next cell.",
+)(_next_cell)
+
+
+@OF_JUDGES("theory-wrong-root", "harness", "actin_xcheck.verdicts.judge:growth_rate")
 def _next_root(right: Function, model: Model, m: int, n: int) -> complex:
+    """Growth rates are held against the next root of the dispersion relation."""
     return complex(right(model, m, n + 1))
 
 
+@OF_JUDGES("theory-wrong-area", "harness", "actin_xcheck.verdicts.known:_jacobian")
 def _a_percent_more(right: Function, x: Array) -> Array:
+    """The third corner, the exact area and total actin, is a hundredth too large."""
     return np.asarray(1.01 * right(x))
 
 
+@OF_JUDGES("uncertainty-too-small", "harness", "actin_xcheck.verdicts.triangulate:uncertainty")
 def _overconfident(right: Function, *arguments: Any) -> tuple[float, str]:
+    """Uncertainties from coarser runs are ten times too small."""
     size, *how = right(*arguments)
     return size / 10, *how
 
 
-OF_JUDGES = (
-    Fault(
-        "area-polygonal",
-        "The area of a cell with a curved rim is that of the polygon through its vertices.",
-        "harness",
-        "fem.imex:measure",
-        _polygonal,
-    ),
-    Fault(
-        "probes-off-curved",
-        "Probes in curved cells read the next cell.",
-        "harness",
-        "fem.imex:locate",
-        _next_cell,
-    ),
-    Fault(
-        "probes-off",
-        "Probes in straight cells read the next cell.",
-        "harness",
-        "actin_xcheck.core.contract:locate",
-        _next_cell,
-    ),
-    Fault(
-        "theory-wrong-root",
-        "Growth rates are held against the next root of the dispersion relation.",
-        "harness",
-        "actin_xcheck.verdicts.judge:growth_rate",
-        _next_root,
-    ),
-    Fault(
-        "theory-wrong-area",
-        "The third corner, the exact area and total actin, is a hundredth too large.",
-        "harness",
-        "actin_xcheck.verdicts.known:_jacobian",
-        _a_percent_more,
-    ),
-    Fault(
-        "uncertainty-too-small",
-        "Uncertainties from coarser runs are ten times too small.",
-        "harness",
-        "actin_xcheck.verdicts.triangulate:uncertainty",
-        _overconfident,
-    ),
-)
-
-
 FAULTS = {
-    fault.name: fault
-    for fault in (*mechanics.FAULTS, *one_sided.FAULTS, *transport.FAULTS, *schemes.FAULTS, *OF_JUDGES)
+    fault.name: fault for fault in (*mechanics.FAULTS, *one_sided.FAULTS, *transport.FAULTS, *OF_JUDGES)
 }
 
 

@@ -43,6 +43,21 @@ class Fault:
     wrong: Function
 
 
+class Catalogue(list[Fault]):
+    """Faults, each stated where the function is that does it."""
+
+    def __call__(
+        self, name: str, code: str, target: str, sentence: str = ""
+    ) -> Callable[[Function], Function]:
+        """State a fault, see `Fault`, of the function that is decorated; its docstring is the sentence."""
+
+        def stated(wrong: Function) -> Function:
+            self.append(Fault(name, sentence or wrong.__doc__ or "", code, target, wrong))
+            return wrong
+
+        return stated
+
+
 @dataclass
 class Calls:
     """How often a replaced function was called."""
