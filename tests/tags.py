@@ -10,7 +10,7 @@ OURS = (
     "// Draws the figures",
     '{"data": ',
     "// The film of a scene",
-    "// Filters and sorts",
+    "// What every page can do",
     '{"arrays": ',
 )
 

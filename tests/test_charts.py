@@ -107,7 +107,8 @@ def test_what_is_read_from_a_curve_is_what_is_stored(area: Page, page_of: Callab
 @pytest.mark.slow
 def test_buttons_have_names_and_files_are_saved(area: Page, tmp_path: Path) -> None:
     names = area.evaluate("[...chart.querySelectorAll('.modebar button')].map(one => one.ariaLabel)")
-    assert names == ["Download plot as a PNG", "Download plot as an svg", "Zoom in", "Zoom out", "Reset axes"]
+    files = ["Download plot as a PNG", "Download plot as an svg", "Download its numbers as CSV"]
+    assert names == [*files, "Zoom in", "Zoom out", "Reset axes"]
     for name, beginning in (("SVG", b"<svg"), ("PNG", b"\x89PNG")):
         with area.expect_download() as saved:
             area.evaluate(f"chart.querySelector('[aria-label$={name} i]').click()")

@@ -1,6 +1,8 @@
 """Pages of every kind as readers see them: nothing clipped, one over another, or without a scale."""
 
+import csv
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -14,11 +16,16 @@ from actin_xcheck.report.draw import Drawing
 from actin_xcheck.report.figure import STYLES
 from actin_xcheck.report.lattice import colour_of
 from actin_xcheck.report.page import environment
+from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.frontier.answers import AnswerKind
 from tests.browser import SEEN, complaints, lab, linear, pale, unreadable
 from tests.picture import PICTURE, WIDTH, take
 
+anchor = environment(Path()).filters["anchor"]
+
 QUICK = ("closures", "faults", "night", "dashboard", "paper", "predict", "random", "side by side", "sweep")
+PAPER = 718
+"""CSS pixels of A4 between margins of 10 mm."""
 SLOW = ("compare", "curves", "chart", "frontier", "converge", "distort", "extremes")
 
 
@@ -32,6 +39,72 @@ def test_everything_on_a_page_can_be_read(tab: Page, page_of: Callable[[str], Pa
         assert unreadable(tab) == []
         tab.emulate_media(color_scheme="dark" if theme == "light" else "light")
         assert pale(tab) == []
+    tab.set_viewport_size({"width": PAPER, "height": 900})
+    assert complaints(tab, page_of(kind)) == []
+    tab.emulate_media(media="print", color_scheme="light")
+    tab.wait_for_function("[...document.querySelectorAll('details')].every(one => one.open)")
+    assert tab.evaluate(
+        "[...document.querySelectorAll('nav, .copy, .save, .anchor')].every(one => !one.checkVisibility())"
+    )
+    assert unreadable(tab) == []
+
+
+@pytest.mark.slow
+def test_numbers_are_saved_as_they_are_drawn_and_listed(
+    tab: Page, page_of: Callable[[str], Path], tmp_path: Path
+) -> None:
+    def saved(click: str) -> list[list[str]]:
+        with tab.expect_download() as download:
+            tab.evaluate(f"document.querySelector({click!r}).click()")
+        download.value.save_as(tmp_path / "saved.csv")
+        assert download.value.suggested_filename.endswith(".csv")
+        return list(csv.reader((tmp_path / "saved.csv").read_text("utf-8").splitlines()))
+
+    complaints(tab, page_of("curves"))
+    comparison = read_comparison(page_of("curves").parent / FILE_NAME)
+    claim = comparison.claims[0]
+    head, first, *more = saved(f"div:has(> .claims #{anchor(claim.key)}) > .save")
+    assert (head, len(more)) == (["about", "Verdict", "Claim", "Value", "Bound"], 1)
+    assert first[:2] + first[3:] == [claim.scene, "PASS", str(claim.value), str(claim.bound)]
+    for part in (claim.statement, claim.command, claim.path, claim.note):
+        assert part in first[2]
+    head, *points = saved("figure:has([aria-label^=Area]) [aria-label$=CSV]")
+    assert head == ["what", "t", "y", "± x", "± y", "said"]
+    series = comparison.runs["fig14-four-fronts/fem-p1-paper"].series
+    drawn = np.array([(float(t), float(y)) for what, t, y, *_ in points if what == "fem-p1-paper"])
+    assert drawn == pytest.approx(np.column_stack([series["time"], series["area"]]), rel=1e-10)
+
+
+@pytest.mark.slow
+def test_commands_are_copied_and_claims_have_links_that_last(
+    tab: Page, page_of: Callable[[str], Path]
+) -> None:
+    claim = read_comparison(page_of("curves").parent / FILE_NAME).claims[0]
+    tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    row = f"#{anchor(replace(claim, statement='Better said').key)}"
+    tab.goto(page_of("curves").as_uri() + row)
+    tab.wait_for_function(f"document.querySelector('{row} .copy').checkVisibility()")  # it was folded
+    tab.click(f"{row} .copy")
+    tab.wait_for_function(f"document.querySelector('{row} .copy').textContent === 'copied'")
+    assert tab.evaluate("navigator.clipboard.readText()") == claim.command
+    assert tab.evaluate(f"document.querySelector('{row} .anchor').hash") == row
+
+
+@pytest.mark.slow
+def test_contents_stay_in_sight_and_say_where_one_is(tab: Page, page_of: Callable[[str], Path]) -> None:
+    complaints(tab, page_of("curves"))
+    tab.click("nav a[href='#scene-2']")
+    tab.wait_for_function("document.querySelector('nav a[aria-current]')?.hash === '#scene-2'")
+    bottom = tab.evaluate("document.querySelector('nav').getBoundingClientRect().bottom")
+    top = tab.evaluate("document.querySelector('#scene-2').getBoundingClientRect().top")
+    assert 0 < bottom < top < 150
+    tab.set_viewport_size({"width": 390, "height": 900})
+    frames = ".scroll:has(table)"
+    wide, said = (
+        f"[...document.querySelectorAll('{frames}')].map(one => one.checkVisibility() && {what})"
+        for what in ("one.scrollWidth > one.clientWidth + 1", "one.matches('.more')")
+    )
+    tab.wait_for_function(f"String({wide}) === String({said}) && {wide}.includes(true)")
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ Of claims that were stored before they had kinds, the kind is read off the sente
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from typing import Any
@@ -14,6 +14,14 @@ from typing import Any
 def excess(value: float, bound: float) -> str:
     """Return a value and the bound that it exceeds in words; nan exceeds none, and proves nothing."""
     return "there is no number" if math.isnan(value) else f"{value:.3g} > {bound:.3g}"
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """Return the name, with the first number behind that makes it free."""
+    count, free = 1, name
+    while free in taken:
+        free = f"{name}-{(count := count + 1)}"
+    return free
 
 
 class ClaimKind(StrEnum):

@@ -55,11 +55,15 @@ _RANK = {"FAIL": 0, "PASS": 1, "NOT JUDGED": 2}
 class _Row(NamedTuple):
     """A claim of a night with where it comes from."""
 
-    number: int
     claim: Claim
     group: Group
     check: Done
     file: str
+
+    @property
+    def key(self) -> str:
+        """Its name, as the history has it."""
+        return JudgedNumber(self.claim, self.check.name).key
 
 
 class _Light(NamedTuple):
@@ -104,13 +108,12 @@ def write_night_page(folder: Path) -> Path:
     """
     folder = Path(folder)
     night = read_night(folder)
-    found = [
-        (claim, group_of(claim), done, file)
+    rows = [
+        _Row(claim, group_of(claim), done, file)
         for done in night.done
         for claim, file in zip(done.claims, done.files, strict=True)
     ]
-    found.sort(key=lambda row: (list(Group).index(row[1]), _RANK[row[0].verdict]))
-    rows = [_Row(number, *row) for number, row in enumerate(found, 1)]
+    rows.sort(key=lambda row: (list(Group).index(row.group), _RANK[row.claim.verdict]))
     groups = {group: [row for row in rows if row.group is group] for group in Group}
     text = _environment(folder).get_template("night.html").render(
         night=night,

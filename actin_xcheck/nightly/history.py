@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from actin_xcheck.core.claim import Claim, claim_of
+from actin_xcheck.core.claim import Claim, claim_of, free_name
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database
 from actin_xcheck.core.mesh import Indices
@@ -160,7 +160,7 @@ def append(path: Path, night: Night, numbers: Iterable[Number], claims: Iterable
         rows.execute("BEGIN IMMEDIATE")
         _prepare(rows, path)
         taken = {name for (name,) in rows.execute("SELECT name FROM nights")}
-        called = replace(night, name=_free(night.name, taken))
+        called = replace(night, name=free_name(night.name, taken))
         place = _insert(rows, "nights", {name: getattr(called, name) for name in _STATED})
         for package, version in night.versions.items():
             _insert(rows, "versions", {"night": place, "package": package, "version": version})
@@ -292,16 +292,8 @@ def _keyed(given: Iterable[_Row]) -> Iterator[tuple[str, _Row]]:
     """Each with its key, and a number behind where that has been given."""
     taken: set[str] = set()
     for one in given:
-        taken.add(key := _free(one.key, taken))
+        taken.add(key := free_name(one.key, taken))
         yield key, one
-
-
-def _free(name: str, taken: set[str]) -> str:
-    """The name, with the first number behind that makes it free."""
-    count, free = 1, name
-    while free in taken:
-        free = f"{name}-{(count := count + 1)}"
-    return free
 
 
 def _nights(rows: sqlite3.Connection) -> dict[int, Night]:

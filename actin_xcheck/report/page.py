@@ -18,7 +18,7 @@ import h5py
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from actin_xcheck.core.claim import Claim, Unnamed
+from actin_xcheck.core.claim import Claim, Unnamed, free_name
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.report.draw import Drawing, draw
 from actin_xcheck.report.exhibits import Chapter, read_chapters
@@ -30,9 +30,9 @@ def environment(folder: Path) -> Environment:
     """Return the environment of a page that will stand in `folder`: escapes everything, defaults nothing.
 
     Filters: `number` (three digits), `link` (a path relative to the page), `from_json`, `state` (of a
-    verdict in the style sheet).
+    verdict in the style sheet), `anchor` (of a claim by its key, which lasts when its sentence is improved).
     Functions: `static` (the text of a script or style sheet of ours, for it is part of the page), `packed` (a
-    library's, by gzip and in base64, for it would be most of the page).
+    library's, by gzip and in base64, for it would be most of the page), `free` (an anchor that is not taken).
     """
     made = Environment(
         loader=PackageLoader("actin_xcheck.report"),
@@ -45,7 +45,14 @@ def environment(folder: Path) -> Environment:
     made.filters["link"] = lambda path: Path(os.path.relpath(path, folder)).as_posix()
     made.filters["from_json"] = json.loads
     made.filters["state"] = lambda verdict: verdict.lower().replace(" ", "-")
-    made.globals |= {"static": _static, "packed": _packed}
+    made.filters["anchor"] = lambda key: f"claim-{re.sub(r'[^a-zA-Z0-9_-]+', '-', key)}"
+    taken: set[str] = set()
+
+    def free(anchor: str) -> str:
+        taken.add(name := free_name(anchor, taken))
+        return name
+
+    made.globals |= {"static": _static, "packed": _packed, "free": free}
     return made
 
 

@@ -88,7 +88,7 @@ def write_comparison_page(path: Path) -> Path:
     sections = _sections(comparison)
     html = environment(path.parent).get_template("page.html")
     text = html.render(
-        parts=[*((f"scene-{one.number}", one.name) for one in sections), PROVENANCE],
+        parts=[("claims", "Claims"), *((f"scene-{one.number}", one.name) for one in sections), PROVENANCE],
         badly=known_badly(comparison.known, comparison.finals),
         matrix=_matrix(comparison),
         attributes=comparison.attributes,

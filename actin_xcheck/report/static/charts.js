@@ -9,15 +9,26 @@
   const each = (gd, update) => Object.fromEntries(["xaxis", "yaxis"].filter(name => gd.layout[name].type !== "category")
     .map((name, i) => [`${name}.range`, update(gd.layout[name].range, i)]));
 
+  // What is drawn, a row a point; of planes their classes.
+  const numbers = gd => {
+    const [x, y] = ["xaxis", "yaxis"].map(name => plain(gd.layout[name].title?.text ?? ""));
+    const points = gd.data.filter(trace => trace.hoverinfo !== "skip" || trace.name).flatMap(trace => trace.z
+      ? trace.z.flatMap((row, j) => row.map((code, i) => [trace.names?.[code] ?? code, trace.x[i], trace.y[j]]))
+      : trace.x.map((at, i) => [trace.name, at, trace.y[i], trace.error_x?.array?.[i], trace.error_y?.array?.[i], trace.text?.[i]]));
+    return [["what", x || "x", y || "y", "± x", "± y", "said"], ...points.map(row => row.map(value => plain(String(value ?? "")).replaceAll("<br>", ", ")))];
+  };
+
   const AXIS = { automargin: true, ticks: "outside", ticklen: 4, tickcolor: "rgba(0,0,0,0)", gridcolor: GRID, zeroline: false, exponentformat: "e", hoverformat: DIGITS, tick0: 0 };
   const LAYOUT = {
     autosize: true, minreducedheight: 30, separators: ".", dragmode: touched ? false : "zoom", paper_bgcolor: "#fff", plot_bgcolor: "rgba(0,0,0,0)",
     font: { size: 11, color: INK, family: getComputedStyle(document.body).fontFamily },
     hoverlabel: { align: "left", namelength: -1 }, modebar: { bgcolor: "rgba(0,0,0,0)", color: INK },
   };
+  const TABLE = { width: 24, height: 24, path: "M3 4h18v4H3zM3 10h8v4H3zM13 10h8v4h-8zM3 16h8v4H3zM13 16h8v4h-8z" };
   const CONFIG = {
     responsive: true, displaylogo: false, doubleClick: "reset", toImageButtonOptions: { scale: 3 },
-    modeBarButtons: [["toImage", { name: "Download plot as an svg", icon: null, click: gd => Plotly.downloadImage(gd, { format: "svg" }) }],
+    modeBarButtons: [["toImage", { name: "Download plot as an svg", icon: null, click: gd => Plotly.downloadImage(gd, { format: "svg" }) },
+      { name: "Download its numbers as CSV", icon: TABLE, click: gd => save(gd.closest("figure").querySelector("h3").textContent, numbers(gd)) }],
       ["zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
 
