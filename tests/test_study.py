@@ -6,6 +6,7 @@ import json
 import sqlite3
 import subprocess
 import sys
+import webbrowser
 from contextlib import closing
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -26,12 +27,13 @@ from actin_xcheck.runs.executor import executor, in_turn
 from actin_xcheck.runs.processes import Lost, work_alone
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
-from actin_xcheck.studies import journal
+from actin_xcheck.studies import journal, underway
 from actin_xcheck.studies import study as studies
 from actin_xcheck.studies.study import Batch, Report, Table, Task, answered, at_work, counted, study_file
 from tests.claims import claim
 from tests.processes import InTurn, cluster
 from tests.studies import carry
+from tests.tags import Tags
 
 
 class Parity(StrEnum):
@@ -249,6 +251,37 @@ def test_progress_counts_expected_seconds_and_what_was_known(tmp_path):
     told.clear()
     carry(tmp_path, squares([1, 3, 4]), tell=lambda *one: told.append(one))
     assert told[:2] == [("squares", 4, 8), ("squares", 8, 8)]
+
+
+def test_while_it_is_under_way_a_page_says_what_is_answered_and_how_much_is_left(tmp_path, monkeypatch):
+    now, seen, opened = [0.0], [], []
+    monkeypatch.setattr(underway.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    page = tmp_path / "index.html"
+
+    def tell(label, over, whole):
+        now[0] += 12.0  # as if that had been the time since
+        seen.append(Tags(page))
+
+    with conduct.shown(page, tell) as told:
+        carry(tmp_path, squares([30, 10]), tell=told)
+        assert opened == [page.as_uri()]  # before the end, and once
+        write_page(tmp_path / "squares.h5")
+    begun, one, both = seen[:3]
+    assert "0% done " in begun.words
+    assert "75% done, about 4 s left" in one.words
+    assert "/tables/" not in one.words  # there is no file yet
+    assert "1 rows numbervalueparityroot 30300even5.4772" in one.words
+    assert "2 rows number" in both.words
+    assert all(tags.attributes("main", "data-again") == ["5"] for tags in seen)
+    assert Tags(page).attributes("main", "data-again") == [""]
+    assert len(begun.source) < 60_000
+
+
+def test_what_is_over_before_anybody_looks_has_no_page_of_what_is_under_way(tmp_path):
+    seen = []
+    carry(tmp_path, squares([3, 5]), tell=lambda *one: seen.append((tmp_path / "index.html").exists()))
+    assert seen == [False] * 6
 
 
 @pytest.mark.parametrize(("numbers", "said"), [([3, 9], "about 12 s"), ([0], ""), ([270, 90], "about 6 min")])

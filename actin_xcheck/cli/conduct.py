@@ -110,9 +110,7 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
             if dry_run:
                 say_the_cost(words or name, study, wanted, json)
             folder = report_folder(out_dir, name)
-            report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet)
-            if open_page:
-                show(page)
+            report, page = carry_out(name, study, folder, force, jobs, scheduler, quiet, open_page)
             _say(words or name, report, page, json)
 
         own, common = inspect.signature(asked_for).parameters, inspect.signature(commanded).parameters
@@ -134,6 +132,7 @@ def carry_out(
     jobs: int | None,
     scheduler: str | None,
     quiet: bool,
+    open_page: bool = False,
 ) -> tuple["Report", Path]:
     """Carry a study out in a folder and return its report and its page; with `force`, begin anew."""
     from actin_xcheck.cli.progress import Progress
@@ -142,18 +141,35 @@ def carry_out(
     from actin_xcheck.studies import study as studies
 
     wanted = jobs_asked(jobs, scheduler)
-    with studies.at_work(make_folder(folder), force), Progress(quiet) as progress:
-        with kept_in(folder), executor(wanted, scheduler) as processes:
-            tell = saying_the_cost(progress, processes.workers)
-            report = studies.carry_out(name, study, folder, command(), processes, tell)
+    with (
+        studies.at_work(make_folder(folder), force),
+        Progress(quiet) as progress,
+        kept_in(folder),
+        executor(wanted, scheduler) as processes,
+        shown(folder / "index.html", saying_the_cost(progress, processes.workers), open_page) as tell,
+    ):
+        report = studies.carry_out(name, study, folder, command(), processes, tell)
         return report, page_of(folder / f"{name}.h5")
 
 
-def show(page: Path) -> None:
-    """Open a page in a browser."""
+@contextmanager
+def shown(page: Path, tell: "Tell", wanted: bool = True) -> Iterator["Tell"]:
+    """Open a page in a browser, where that is wanted: as soon as progress is told and it is there, which is
+    while the work goes on, else at the end.
+    """
     import webbrowser
 
-    webbrowser.open(page.resolve().as_uri())
+    opened = not wanted
+
+    def told(label: str, over: float, whole: float) -> None:
+        nonlocal opened
+        tell(label, over, whole)
+        if not opened and page.exists():
+            opened = webbrowser.open(page.resolve().as_uri()) or True
+
+    yield told
+    if not opened:
+        webbrowser.open(page.resolve().as_uri())
 
 
 def say_the_cost(words: str, study: "Study", workers: int | None, json: bool) -> NoReturn:

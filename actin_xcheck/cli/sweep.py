@@ -58,7 +58,7 @@ def sweep_command(
     runs all again.  A run that fails is a row like any other.  Exit code 0 when every run completed, 1 when
     one did not, 2 for a mistake in what was asked.
     """
-    from actin_xcheck.cli.conduct import check_step, kept_in, say_the_cost, saying_the_cost, show
+    from actin_xcheck.cli.conduct import check_step, kept_in, say_the_cost, saying_the_cost, shown
     from actin_xcheck.cli.progress import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
@@ -76,9 +76,8 @@ def sweep_command(
     make_folder(folder)
     with Progress(quiet) as progress, kept_in(folder):
         tell = saying_the_cost(progress, processes)
-        table, made = carry_out(runs, folder, processes, scheduler, tell, command(), force)
-    if open_page:
-        show(folder / "index.html")
+        with shown(folder / "index.html", tell, open_page) as told:
+            table, made = carry_out(runs, folder, processes, scheduler, told, command(), force)
     raise typer.Exit(_told(_answer(table, made), json))
 
 

@@ -6,8 +6,9 @@ import math
 import os
 import re
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cache
 from importlib.resources import files
 from itertools import groupby
@@ -81,6 +82,11 @@ PROVENANCE = ("provenance", "Provenance")
 _SCORE = re.compile(r"\d+ of \d+")
 """What a title may begin with, and the page is coloured by."""
 
+AGAIN = 5
+"""Seconds after which the page of what is under way is written, and reads itself, again."""
+
+ENDED = "typed again, with the same --out, it goes on."
+
 _LONG = 40
 """Letters from which a column is one of sentences."""
 
@@ -122,7 +128,7 @@ def write_page(path: Path) -> Path:
         said: dict[str, Any] = dict(file.attrs)
         claims = read_claims(file)
         chapters = read_chapters(file["exhibits"])
-        tables = [_shown(name, group) for name, group in file["tables"].items()]
+        tables = [_stored(name, group) for name, group in file["tables"].items()]
     title = said.pop("title")
     parts = [("claims", "Claims")] if claims else []
     parts += ((one.key, one.title) for one in chapters)
@@ -138,7 +144,7 @@ def write_page(path: Path) -> Path:
         findings=list(said.pop("findings")),
         attributes=said,
         claims=claims,
-        groups={scene: list(group) for scene, group in groupby(claims, lambda claim: claim.scene)},
+        groups=_by_scene(claims),
         chapters=drawn(chapters),
         tables=tables,
         file=path,
@@ -157,20 +163,66 @@ def drawn(chapters: Iterable[Chapter]) -> list[tuple[Chapter, list[Drawing]]]:
     ]
 
 
-def _shown(name: str, group: h5py.Group) -> Shown:
+def write_underway(
+    folder: Path,
+    name: str,
+    part: float,
+    left: float,
+    claims: Sequence[Claim],
+    tables: Mapping[str, Mapping[str, Sequence[Any]]],
+) -> None:
+    """Write the page of a study that is under way, which the finished one will replace.
+
+    Parameters
+    ----------
+    name : of the study.
+    part : of its work that is over, in 0..1.
+    left : seconds until all of it is; not finite where nothing tells.
+    claims : judged so far.
+    tables : answers so far, columns by name.
+    """
+    known = f", about {max(left, 1):.0f} s left" if left < 100 else f", about {left / 60:.0f} min left"
+    lead = "What is answered so far; the finished page will stand here. This was written at "
+    lead += f"{datetime.now():%H:%M:%S}. Where that is long ago, the command has ended: {ENDED}"
+    text = environment(folder).get_template("underway.html").render(
+        name=name,
+        parts=[("claims", "Claims")] if claims else [],
+        score="",
+        title=f"{part:.0%} done{known if math.isfinite(left) else ''}",
+        lead=lead,
+        findings=[],
+        claims=claims,
+        groups=_by_scene(claims),
+        chapters=[],
+        tables=[_shown(key, key, "", columns) for key, columns in tables.items()],
+        file=None,
+        seconds=AGAIN,
+    )  # fmt: skip
+    put_page(folder, text)
+
+
+def _by_scene(claims: Iterable[Claim]) -> dict[str, list[Claim]]:
+    return {scene: list(group) for scene, group in groupby(claims, lambda claim: claim.scene)}
+
+
+def _stored(name: str, group: h5py.Group) -> Shown:
     """A table with the columns that its study wants to be seen, all without a choice."""
     plain = [one for one in group if isinstance(group[one], h5py.Dataset)]
     chosen = [one for one in group.attrs["shown"] if one in plain] or plain  # none of a table without rows
+    text = {one: h5py.check_string_dtype(group[one].dtype) is not None for one in chosen}
+    columns = {one: group[one].asstr()[()] if text[one] else group[one][()].tolist() for one in chosen}
+    return _shown(name, str(group.attrs["title"]), str(group.attrs["note"]), columns)
+
+
+def _shown(name: str, title: str, note: str, by_field: Mapping[str, Sequence[Any]]) -> Shown:
+    """A table of values by field."""
     columns, cells = [], []
-    for field in chosen:
-        stored = group[field]
-        text = h5py.check_string_dtype(stored.dtype) is not None
-        values = stored.asstr()[()] if text else stored[()].tolist()
+    for field, values in by_field.items():
+        text = any(isinstance(one, str) for one in values)
         cells.append([_cell(value) for value in values])
         code, file = field == "command", field in ("file", "finer_file")
         long = text and not (code or file) and max(map(len, cells[-1]), default=0) > _LONG
         columns.append(Column(field.replace("_", " "), not text, code, file, long))
-    title, note = str(group.attrs["title"]), str(group.attrs["note"])
     return Shown(name, title, note, tuple(columns), tuple(zip(*cells, strict=True)))
 
 

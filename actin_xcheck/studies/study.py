@@ -32,6 +32,7 @@ from actin_xcheck.runs.provenance import ONE_AT_A_TIME, check_code, code, proven
 from actin_xcheck.runs.records import write_table
 from actin_xcheck.runs.store import state, writing
 from actin_xcheck.studies.journal import FILE_NAME, Journal, files_in, key_of, reports_in, stated
+from actin_xcheck.studies.underway import Underway
 
 if TYPE_CHECKING:
     from actin_xcheck.verdicts.final import FinalValue
@@ -196,7 +197,7 @@ def report_of(
     """Carry a study out, see `carry_out`, and return its report, to be written to a file of another kind."""
     journal = Journal(folder, name)
     (folder / PAGE).unlink(missing_ok=True)  # none must stand beside what it is not made of
-    return answered(study, _Course(journal, folder, processes, alone, tell, name).answers)
+    return answered(study, _Course(journal, folder, processes, alone, tell, Underway(folder, name)).answers)
 
 
 def carry_out_here(name: str, study: Study, folder: Path, command: str) -> Report:
@@ -277,9 +278,15 @@ class _Course:
     folder: Path
     processes: Executor
     alone: Alone
-    tell: Tell
-    name: str
+    told: Tell
+    page: Underway
     over: float = 0.0
+    known: list[tuple[str, Any]] = field(default_factory=list)
+
+    def tell(self, whole: float) -> None:
+        """Say how far it is, on the page too."""
+        self.page.show(self.known, self.over, whole)
+        self.told(self.page.name, self.over, whole)
 
     def answers(self, tasks: Sequence[Task]) -> list[Any]:
         """The answers to a batch, each question asked once."""
@@ -289,8 +296,9 @@ class _Course:
         found = self.journal.answers({key: (task.answer, task.files) for key, task in wanted.items()})
         whole = self.over + sum(task.seconds for task in wanted.values()) + getattr(tasks, "later", 0.0)
         self.over += sum(wanted[key].seconds for key in found)
+        self.known += ((_place(wanted[key]), answer) for key, answer in found.items())
         if len(found) < len(wanted):  # else nothing may be left to do: what is said first is the cost
-            self.tell(self.name, self.over, whole)
+            self.tell(whole)
         lost: list[str] = []
         raised: list[Exception] = []
         said = dict(zip(keys, asked, strict=True))
@@ -307,11 +315,13 @@ class _Course:
                 what = task.files[0] if task.files else said[key]
                 lost.append(f"{task.work.__name__} of {what} ({answer.message})")
             self.over += task.seconds
-            self.tell(self.name, self.over, whole)
+            if key in found:
+                self.known.append((_place(task), found[key]))
+            self.tell(whole)
         if raised:
             raise raised[0]
         if lost:
-            ends = f"{self.name}: {len(lost)} lost, {'; '.join(lost)}"
+            ends = f"{self.page.name}: {len(lost)} lost, {'; '.join(lost)}"
             raise UserError(f"{ends}; valid: the same command again, with --out {self.folder}")
         return [found[key] for key in keys]
 
@@ -329,6 +339,11 @@ class _Course:
                 yield together[number], answer
         for key in timed:
             yield key, self.alone(_work, asked[key])
+
+
+def _place(task: Task) -> str:
+    """The file that a task leaves; empty without one."""
+    return next(iter(task.files), "")
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,10 @@ for (const table of document.querySelectorAll("table:has(thead):not(.film *)")) 
   added(frame, "save", "CSV", `${name} as CSV`, () => save(name, rows(table)));
 }
 
+// A page of what is under way is soon another one.
+const { again } = document.getElementById("main").dataset;
+if (again) setTimeout(() => location.reload(), 1000 * again);
+
 const wide = new ResizeObserver(seen => seen.forEach(({ target }) => target.classList.toggle("more", target.scrollWidth > target.clientWidth + 1)));
 for (const frame of document.querySelectorAll(".scroll")) wide.observe(frame);
 
