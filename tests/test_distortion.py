@@ -19,7 +19,7 @@ from actin_xcheck.scene.outline import (
 )
 from actin_xcheck.scene.resolve import resolve
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.distort.cases import FAMILIES, cases_of, families_of
+from actin_xcheck.studies.distort.cases import FAMILIES, answer_of, cases_of, families_of
 from fem.kernels import CellRule
 from fem.space import Space
 from fv.equations import over_relaxed_split, vertex_interpolation
@@ -143,6 +143,16 @@ def test_a_ring_off_the_sides_costs_p2_its_order():
     assert np.log2(errors[0, 2] / errors[0, 3]) > 2.8
     assert np.log2(errors[0.3, 2] / errors[0.3, 3]) < 1.3
     assert errors[0.3, 3] > 50 * errors[0, 3]
+
+
+@pytest.mark.slow
+def test_needles_that_stall_bicgstab_are_solved(tmp_path):
+    """Cells drawn out 54 times, in which the preconditioned matrix gets eigenvalues far from the real axis."""
+    needles = FAMILIES["stretched"]
+    case, _ = cases_of(load_scene("smooth-fronts"), METHODS["fv"], needles, needles.severities[-1])
+    answer = answer_of(case, tmp_path)
+    assert (answer.ending, answer.message) == ("completed", "")
+    assert answer.residual < 1e-13
 
 
 @pytest.mark.slow

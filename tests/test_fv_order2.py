@@ -285,7 +285,7 @@ def test_a_direct_solver_takes_over_and_nothing_fails_in_silence(monkeypatch):
     operator, rhs, guess = sheared_operator(0.1)
     expected, _ = linear.solve(operator.matrix(), rhs)
     inverse = krylov.factorise(operator.two_point)
-    monkeypatch.setattr(krylov, "ITERATIONS", 1)
+    monkeypatch.setattr(krylov, "MOST", 1)
     for help_ in (inverse, None):
         a, outcome = krylov.solve(operator, rhs, guess, help_)
         assert outcome.ok

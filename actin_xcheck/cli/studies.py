@@ -138,7 +138,7 @@ def paper(
 DISTORTED = {"smooth-fronts": ("perturbed", "stretched", "slivers"), "fitted-ring": ("off-ring",)}
 """Scenes whose data cost no order, and what their meshes suffer."""
 
-DISTORTED_METHODS = ("fem-p1-paper", "fem-p2-imex3", "fem-p4-imex4", "fv-coupled", "fv-order2")
+DISTORTED_METHODS = ("fem-p1-paper", "fem-p2-imex3", "fem-p4-imex4", "fv-coupled", "fv-order2", "fv")
 
 
 @study_command("distort")

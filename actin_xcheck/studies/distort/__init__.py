@@ -84,7 +84,7 @@ class DistortRow:
 
     @property
     def iterations_a_solve(self) -> float:
-        """Iterations of conjugate gradients, over all linear systems."""
+        """Krylov iterations, over all linear systems."""
         return self.iterations / self.solves if self.solves else float("nan")
 
 
@@ -198,7 +198,7 @@ def chapter_of(scene: Scene, family: Family, methods: Sequence[Method], pairs: P
     """What is shown of a family of distortions."""
     names = [method.name for method in methods]
     plots = [_plot(family, key, title, names, pairs) for key, title in QUANTITIES.items()]
-    work = _plot(family, "iterations_a_solve", "Iterations of conjugate gradients a solve", names, pairs)
+    work = _plot(family, "iterations_a_solve", "Krylov iterations a solve", names, pairs)
     key, title = f"{scene.name}--{family.key}", f"{family.title}: {scene.name}"
     note = f"{family.note} Errors at the end of {scene.name}, on the finer of two meshes."
     return Chapter(key, title, note, (*plots, work, _table(family, names, pairs)))

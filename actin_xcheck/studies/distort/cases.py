@@ -240,7 +240,7 @@ class CaseAnswer:
     residual : largest balance residual of a step.
     cells : of the mesh.
     aspect, angle : of its worst cells, see `distortion`; degrees.
-    solves, factorisations, iterations : of linear systems; iterations are those of conjugate gradients.
+    solves, factorisations, iterations : of linear systems; iterations are those of Krylov methods.
     steps : that were made.
     seconds : what it took.
     """
