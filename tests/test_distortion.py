@@ -147,7 +147,7 @@ def test_a_ring_off_the_sides_costs_p2_its_order():
 
 @pytest.mark.slow
 def test_needles_that_stall_bicgstab_are_solved(tmp_path):
-    """Cells drawn out 54 times, in which the preconditioned matrix gets eigenvalues far from the real axis."""
+    """Cells drawn out 54 times: the preconditioned matrix gets eigenvalues far from the real axis."""
     needles = FAMILIES["stretched"]
     case, _ = cases_of(load_scene("smooth-fronts"), METHODS["fv"], needles, needles.severities[-1])
     answer = answer_of(case, tmp_path)
