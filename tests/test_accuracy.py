@@ -2,13 +2,16 @@
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from actin_xcheck.core.errors import Ending, Outcome
+from actin_xcheck.core.errors import COMPLETED, Ending, Outcome
+from actin_xcheck.core.lagrange import nodes, quadrature, sizes_by_degree
+from actin_xcheck.runs import accuracy as accurately
 from actin_xcheck.runs.accuracy import LEVELS, change, deliver, estimated, fitted_rate
-from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.fidelity import Fidelity, Reduction
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
@@ -38,6 +41,61 @@ def test_an_estimate_is_the_share_of_the_last_change_unless_the_one_before_was_t
     # the second level was 2e-3 off where 1e-3 had been promised
     assert estimated([1e-2, 2e-3], [0.1, 0.25]) == pytest.approx(2 * 0.25 * 2e-3)
     assert estimated([1e-3, 0.9e-3], [0.2, 0.5]) == 0.9e-3
+
+
+def probed(steps, value):
+    """A run of so many steps that ends with a value."""
+    row = dict.fromkeys(("area", "total_actin"), np.ones(steps + 1)) | {"centroid": np.zeros((steps + 1, 2))}
+    values = np.full((steps + 1, 1), value)
+    series = row | {"time": np.linspace(0, 1, steps + 1), "probe_a": values, "probe_x": values}
+    return SimpleNamespace(series=series, row_at=lambda t: {name: one[-1] for name, one in series.items()})
+
+
+def climb_of(runs, accuracy):
+    """A climb whose runs on its first level are given, by their tolerances."""
+    scene = SimpleNamespace(expect=SimpleNamespace(growth_rate=None), initial=SimpleNamespace(eigenmode=None))
+    scene.output_times = [1.0]
+    return accurately._Climb(
+        scene, accuracy, None, Reduction(), lambda level, rtol, name: (COMPLETED, runs[rtol])
+    )
+
+
+@pytest.mark.parametrize(("accuracy", "rtol"), [(1e-2, 1e-2), (1e-3, 3e-4), (1e-5, 9e-8)])
+def test_errors_in_time_are_measured_by_steps_that_become_more(accuracy, rtol):
+    """Errors of N^-4: two runs know both, and the first tolerance with little enough is taken."""
+    first = min(1e-2, 10 * accuracy)
+    tolerances = [float(f"{first * 0.03**n:.3g}") for n in range(8)]
+    steps = {one: round(4 * (first / one) ** 0.25) - 1 for one in tolerances}
+    runs = {one: probed(n, 0.2 * (n + 1) ** -4) for one, n in steps.items()}
+    climb = climb_of(runs, accuracy)
+    now = climb._with_tolerance(LEVELS[0], runs[first])
+    error = 0.2 * len(now.series["time"]) ** -4
+    assert climb.rtol == pytest.approx(rtol)
+    assert now is runs[climb.rtol]
+    assert 1.99 * error < climb.in_time < 4.01 * error
+    assert climb.in_time <= 0.5 * accuracy
+
+
+def test_steps_that_output_times_cut_short_do_not_flatter():
+    """Two runs of the same steps change by nothing, whatever their error is."""
+    runs = {1e-2: probed(3, 1e-5), 3e-4: probed(3, 1e-5), 9e-6: probed(7, 1e-7)}
+    climb = climb_of(runs, 1e-3)
+    assert climb._with_tolerance(LEVELS[0], runs[1e-2]) is runs[1e-2]
+    assert climb.in_time == pytest.approx(2 * (1e-5 - 1e-7) / (1 - 2**-4))
+
+
+def test_parts_of_a_polynomial_are_told_apart_by_their_degree():
+    x, y = nodes(7)[1:, :, None]
+    sizes = sizes_by_degree(7, np.stack([1 + 0 * x, x**3 - 2 * x * y, 1e-3 * y**7]))
+    assert (sizes[0, 1:] < 1e-14).all()
+    assert (sizes[1, 4:] < 1e-14).all()
+    assert sizes[1, 3] > 1e-2
+    assert 1e-8 < sizes[2, 7] < sizes[2, 5] < 1e-3
+    # the mean of squares over the triangle is theirs together
+    points, weights = quadrature(14)
+    assert (sizes[1] ** 2).sum() == pytest.approx(
+        (weights * (points[0] ** 3 - 2 * points[0] * points[1]) ** 2).sum() * 2
+    )
 
 
 @pytest.mark.parametrize("name", REFERENCED)

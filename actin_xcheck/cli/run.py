@@ -165,10 +165,10 @@ def _say_what_it_takes(scene: "Scene", wanted: "Wanted", json: bool) -> NoReturn
     """Say what a run takes and run nothing; of an accuracy, what its first two levels take."""
     from actin_xcheck.cli.conduct import lasting
     from actin_xcheck.cli.output import CostAnswer, say
-    from actin_xcheck.runs.accuracy import first_two
+    from actin_xcheck.runs.accuracy import levels_of
     from actin_xcheck.runs.numerics import run_seconds
 
-    every = [wanted.on(scene)] if wanted.accuracy is None else first_two(scene, wanted)
+    every = [wanted.on(scene)] if wanted.accuracy is None else levels_of(scene, wanted)
     seconds = sum(run_seconds(one, scene.output_times) for one in every)
     if json:
         say(CostAnswer(command="run", tasks=len(every), seconds=seconds))

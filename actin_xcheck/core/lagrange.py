@@ -170,6 +170,17 @@ def _modes(order: int, points: Array) -> Array:
     return np.array(found).swapaxes(0, 1)
 
 
+def sizes_by_degree(order: int, field: Array) -> Array:
+    """Root mean squares, over the reference triangles of all cells, of a field's parts of degrees 0 to k.
+
+    Of values (..., n_local, n_cells) at the equispaced nodes of order k; the parts are (..., k + 1).
+    """
+    modes = np.linalg.solve(_modes(order, nodes(order)[1:])[0].T, field)
+    of = np.array([i + j for i in range(order + 1) for j in range(order + 1 - i)])
+    parts = [(modes[..., of == degree, :] ** 2).sum(axis=-2).mean(axis=-1) for degree in range(order + 1)]
+    return np.sqrt(np.stack(parts, axis=-1))
+
+
 def areas(x: Array, cells: Indices) -> Array:
     """Areas (n_cells,) of curved cells (n_local, n_cells) with node positions x (2, N)."""
     order = order_of(len(cells))

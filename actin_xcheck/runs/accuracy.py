@@ -1,10 +1,14 @@
 """A run that is as accurate as asked: finer and finer levels until what changes between them is small.
 
-Elements rise in order on few cells, then cells are halved.  The change from one level to the next is the
-error of the coarser one, but for the little that is left in the finer.  The first two levels are those that a
-smooth scene needs, the second with a tenth of the tolerance, so that their change holds errors in time too.
-Where it is too large, errors in time, which hardly depend on the mesh, are told apart on a coarse one, where
-it is cheap; the tolerance that they need then serves all finer levels.
+Elements rise in order on few cells, then cells are halved.  Errors in time, which hardly depend on the mesh,
+are measured first, on the coarsest one.  There e ~ N^-4 about in the number of steps N, so that of two runs
+
+    |y_N - y_N'| = (1 - (N/N')^4) e_N,    e_N' = (N/N')^4 e_N.
+
+The tolerance that was found serves all levels.  They take nearly the same steps, and what changes from one to
+the next is the error of the coarser one in space, but for the little that is left in the finer.  How little
+that is, the finer one's own polynomials tell: where their parts of degrees k - 1 and k are q of those of
+degrees k - 3 and k - 2, two more degrees have left about q of the error.
 """
 
 import math
@@ -18,6 +22,7 @@ import numpy as np
 
 from actin_xcheck.core.errors import Outcome, UserError
 from actin_xcheck.core.files import publish
+from actin_xcheck.core.lagrange import sizes_by_degree
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.march import Progress
 from actin_xcheck.runs.method import METHODS, Method
@@ -30,10 +35,10 @@ SHARE = 0.6
 """Of the last change, the part that may be left where nothing is known of how levels fall."""
 
 BOTH = 0.5
-"""The same where mesh and steps have become finer."""
+"""The same where cells have been halved for a degree less, or two."""
 
-LEAST, WIDER = 0.1, 1.5
-"""Of the last change, the part that is left at least; times what halving cells has left the last time."""
+LEAST, TIMES = 0.1, 2.0
+"""Of the last change, the part that is left at least; times what a run's polynomials say that is left."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class AccuracyLevel:
     ----------
     method, refine : elements and mesh.
     rtol : tolerance of a step that suits them where no accuracy is asked for.
-    worth : about the error of a smooth scene.
+    worth : about the error of a smooth scene in space.
     share : of the change to this level, the most that its own error is taken to be.
     """
 
@@ -56,14 +61,14 @@ class AccuracyLevel:
 
 
 LEVELS = (
-    AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 3e-4, SHARE),
-    AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 3e-5, BOTH),
-    AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1.5e-6, 0.25),
-    AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-7, 0.25),
-    AccuracyLevel(METHODS["fem-p6-imex5"], 3, 1e-7, 6e-8, BOTH),
-    AccuracyLevel(METHODS["fem-p8-imex5"], 3, 1e-8, 1e-8, 0.25),
-    AccuracyLevel(METHODS["fem-p6-imex5"], 4, 1e-8, 1e-8, BOTH),
-    AccuracyLevel(METHODS["fem-p8-imex5"], 4, 1e-9, 1e-9, 0.25),
+    AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 1e-4, SHARE),
+    AccuracyLevel(METHODS["fem-p7-imex5"], 1, 1e-5, 1e-5, BOTH),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 2, 1e-6, 1e-6, 0.25),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 2, 1e-7, 1e-8, 0.25),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 3, 1e-7, 6e-9, BOTH),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 3, 1e-8, 1e-10, 0.25),
+    AccuracyLevel(METHODS["fem-p6-imex5"], 4, 1e-8, 6e-11, BOTH),
+    AccuracyLevel(METHODS["fem-p8-imex5"], 4, 1e-9, 1e-12, 0.25),
 )
 """Where a scene is smooth errors fall tenfold or more with the degree; where it is not, with the cells."""
 
@@ -75,17 +80,24 @@ LEVELS_ON_A_RAY = tuple(
 SMALL = 0.1
 """Of the accuracy asked for, the part that a smaller model may use up."""
 
-IN_TIME = 0.4
-"""Of the accuracy asked for, the part that steps may use up."""
+IN_TIME, AT_MOST = 0.5, 0.75
+"""Of the accuracy asked for, the part that steps may use up; and may before yet smaller ones are tried."""
 
-LOOSEST, TIGHTEST, FINER = 3e-4, 1e-13, 0.1
+LOOSEST, TIGHTEST, FINER = 1e-2, 1e-13, 0.03
 """Tolerances of a step, and from one to the next."""
 
-BERTH = 2.0
-"""Times the change from one tolerance to the next: an error in time, which a finer mesh changes a little."""
+LOOSER = 10.0
+"""Times the accuracy asked for, the first tolerance of a step."""
 
-OF_A_STEP = 1.0
-"""Of a step's tolerance, the least error in time: steps differ from mesh to mesh, and changes may flatter."""
+BERTH, FALL = 2.0, 4
+"""Times an error in time on the coarsest mesh, that on others, whose steps differ a little; once more where
+it is not measured but follows from one that was.  The power of the number of steps with which it falls."""
+
+MORE = 1.25
+"""Times as many steps: with fewer a change says nothing, as where output times cut all steps short."""
+
+LOWEST = 5
+"""The least degree of which two parts tell how they fall: the constant and the slope are the scene's own."""
 
 COARSE, FINE = "coarse", "fine"
 """Names of runs that are not delivered."""
@@ -190,10 +202,8 @@ class _Climb:
         self.measures_rate = scene.expect.growth_rate and reduction.fidelity is not Fidelity.MODAL
         mode = scene.initial.eigenmode
         # a step's tolerance is relative to a = 1, a rate to how large its mode is
-        self.of_a_step = OF_A_STEP / (mode.amplitude if self.measures_rate and mode else 1.0)
-        self.loosest = float(f"{min(LOOSEST, accuracy) / self.of_a_step:.3g}")
-        self.rtol, self.in_time = self.loosest, math.nan
-        self.runs: dict[tuple[str, int], Run] = {}
+        size = mode.amplitude if self.measures_rate and mode else 1.0
+        self.rtol, self.in_time = float(f"{size * _loosest(accuracy):.3g}"), math.nan
         self.changes: list[float] = []
         self.shares: list[float] = []
 
@@ -201,52 +211,57 @@ class _Climb:
         """Run levels until one is accurate enough, or two fail alike; the run of the last is left."""
         before: Run | None = None
         failed: Run | None = None
-        completed: list[AccuracyLevel] = []
-        for level in levels[_first_of(levels, self.accuracy) :]:
-            if len(completed) == 1:
-                self.rtol = _finer(self.rtol)
-            elif len(completed) > 1 and math.isnan(self.in_time):
-                self._find_tolerance(completed[0])
+        for level in levels:
             # the first one to stand is never the last
-            name = self.path.name if completed or failed else COARSE
+            name = self.path.name if before or failed else COARSE
+            reached = replace(level, rtol=self.rtol)
             outcome, now = self.solve(level, self.rtol, name)
             estimate = math.nan
             if outcome.ok:
-                completed.append(level)
-                if before is not None:
-                    told = len(completed) > 2 and not failed
-                    self.shares.append(self._share(level, now) if told else SHARE if failed else BOTH)
+                if before is None or math.isnan(self.in_time):
+                    now = self._with_tolerance(level, now)
+                else:
                     self.changes.append(self._change(before, now))
-                estimate = estimated(self.changes, self.shares) + self._neglected()
-                estimate += self.in_time if len(completed) > 2 else self.of_a_step * self.rtol
-                self.runs[level.method.name, level.refine] = before = now
-            reached = Delivered(
-                outcome, replace(level, rtol=self.rtol), self.reduction, estimate, tuple(self.changes)
-            )
+                    self.shares.append(self._share(level, before, now))
+                    estimate = estimated(self.changes, self.shares) + self.in_time + self._neglected()
+                before = now
             if estimate <= self.accuracy or (not outcome.ok and failed and _alike(failed, now)):
                 break
             failed = None if outcome.ok else now
-        return reached
+        return Delivered(
+            outcome=outcome,
+            level=reached,
+            reduction=self.reduction,
+            estimate=estimate,
+            changes=tuple(self.changes),
+        )
 
-    def _find_tolerance(self, level: AccuracyLevel) -> None:
-        """Tighten the tolerance on a coarse level until steps use up their part of the accuracy."""
-        self.rtol = self.loosest
-        now = self.runs[level.method.name, level.refine]
+    def _with_tolerance(self, level: AccuracyLevel, now: Run) -> Run:
+        """A level's run with the tolerance at which steps use up no more than their part of the accuracy."""
+        finer = self.rtol
         while True:
-            outcome, better = self.solve(level, _finer(self.rtol), FINE)
+            finer = _finer(finer)
+            outcome, better = self.solve(level, finer, FINE)
             if not outcome.ok:
-                return
-            self.in_time = max(BERTH * self._change(now, better), self.of_a_step * self.rtol)
-            if self.in_time <= IN_TIME * self.accuracy or FINER**2 * self.rtol < TIGHTEST:
-                return
-            self.rtol, now = _finer(self.rtol), better
+                return now
+            fewer = len(now.series["time"]) / len(better.series["time"])
+            tightest = FINER * finer < TIGHTEST
+            if fewer * MORE > 1 and not tightest:
+                continue
+            fall = min(fewer, 1 / MORE) ** FALL
+            error = self._change(now, better) / (1 - fall)
+            self.in_time = BERTH * error
+            if self.in_time <= IN_TIME * self.accuracy:
+                return now
+            self.rtol, now, self.in_time = finer, better, BERTH**2 * fall * error
+            if self.in_time <= AT_MOST * self.accuracy or tightest:
+                return now
 
-    def _share(self, level: AccuracyLevel, now: Run) -> float:
-        """Of the change to a level, the part that is its own error, by what the last halving left."""
-        coarse, fine = (self.runs.get((level.method.name, level.refine - n)) for n in (2, 1))
-        if coarse is None or fine is None or not (gained := self._change(coarse, now)):
+    def _share(self, level: AccuracyLevel, before: Run, now: Run) -> float:
+        """Of the change to a level, the part that is its own error."""
+        if now.order < LOWEST or now.order < before.order - 1:  # the ray's; or less may be gained than lost
             return level.share
-        return min(level.share, max(LEAST, WIDER * self._change(fine, now) / gained))
+        return min(level.share, max(LEAST, TIMES * _left(now)))
 
     def _change(self, coarse: Run, fine: Run) -> float:
         largest = change(coarse, fine, self.scene.output_times)
@@ -260,21 +275,29 @@ class _Climb:
         return SMALL * self.accuracy if self.reduction.fidelity is Fidelity.MODAL else 0.0
 
 
-def first_two(scene: Scene, wanted: Wanted) -> list[Numerics]:
-    """How the first two levels of the accuracy that is wanted are run: all, where a scene is smooth."""
+def levels_of(scene: Scene, wanted: Wanted) -> list[Numerics]:
+    """What is run for the accuracy that is wanted: all, where a scene is smooth."""
     assert wanted.accuracy is not None
-    first = _first_of(LEVELS, wanted.accuracy)
-    level = replace(wanted, dt=scene.time.end, rtol=wanted.accuracy, accuracy=None)
+    enough = next((n for n, one in enumerate(LEVELS[1:], 1) if one.worth <= wanted.accuracy), len(LEVELS) - 1)
+    rtol = _loosest(wanted.accuracy)
+    runs = [(LEVELS[0], rtol), (LEVELS[0], _finer(rtol)), *((one, rtol) for one in LEVELS[1 : enough + 1])]
+    level = replace(wanted, dt=scene.time.end, accuracy=None)
     return [
-        replace(level, method=one.method.name, refine=one.refine).on(scene)
-        for one in LEVELS[first : first + 2]
+        replace(level, method=one.method.name, refine=one.refine, rtol=rtol).on(scene) for one, rtol in runs
     ]
 
 
-def _first_of(levels: Sequence[AccuracyLevel], accuracy: float) -> int:
-    """The number of the level to begin with: the change from it to the next one is small enough."""
-    fit = (n for n, level in enumerate(levels) if BOTH * level.worth <= accuracy)
-    return min(next(fit, len(levels)), len(levels) - 2)
+def _loosest(accuracy: float) -> float:
+    """The tolerance of a step to begin with."""
+    return float(f"{min(LOOSEST, LOOSER * accuracy):.3g}")
+
+
+def _left(run: Run) -> float:
+    """What two more degrees leave of an error, by how parts of a run's polynomials fall with the degree."""
+    fields = np.concatenate([run.a_points[:, None], run.u], axis=1)
+    sizes = sizes_by_degree(run.order, fields[..., run.cells]).max(axis=(0, 1))
+    largest = float(np.hypot(*sizes[-4:-2]))
+    return float(np.hypot(*sizes[-2:])) / largest if largest else 0.0
 
 
 def _finer(rtol: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.files import make_folder
 from actin_xcheck.core.parameters import Fidelity
-from actin_xcheck.runs.accuracy import OutOfReach, deliver, first_two
+from actin_xcheck.runs.accuracy import OutOfReach, deliver, levels_of
 from actin_xcheck.runs.method import Method, find_method, find_methods
 from actin_xcheck.runs.numerics import CHOSEN, DEFAULT_REFINE, DEFAULT_STEPS, Numerics, Wanted, run_seconds
 from actin_xcheck.runs.numerics import command as typed
@@ -44,7 +44,7 @@ class Climb:
     @property
     def task(self) -> Task:
         """What makes it, in the time of the first two levels where the scene is smooth."""
-        every = first_two(self.scene, Wanted(CHOSEN, fidelity=_WHOLE, accuracy=self.accuracy))
+        every = levels_of(self.scene, Wanted(CHOSEN, fidelity=_WHOLE, accuracy=self.accuracy))
         seconds = sum(run_seconds(one, self.scene.output_times) for one in every)
         return Task(climbed, self, seconds, (self.file,))
 

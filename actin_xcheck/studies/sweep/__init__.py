@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from actin_xcheck.core.errors import Ending, UserError, brief
 from actin_xcheck.core.files import replace_file
-from actin_xcheck.runs.accuracy import OutOfReach, deliver, first_two
+from actin_xcheck.runs.accuracy import OutOfReach, deliver, levels_of
 from actin_xcheck.runs.executor import executor
 from actin_xcheck.runs.method import METHODS, find_method
 from actin_xcheck.runs.numerics import Wanted, run_seconds
@@ -72,7 +72,7 @@ class SweepRun:
     def task(self) -> Task:
         """What makes it; UserError where the scene is none, or cannot be run like this."""
         scene, asked = parse_scene(self.text, self.origin), self.numerics
-        every = [asked.on(scene)] if asked.accuracy is None else first_two(scene, asked)
+        every = [asked.on(scene)] if asked.accuracy is None else levels_of(scene, asked)
         seconds = sum(run_seconds(one, scene.output_times) for one in every)
         return Task(work, self, seconds, (self.file,), lost)
 
