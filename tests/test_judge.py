@@ -12,8 +12,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.judge import judge
-from actin_xcheck.studies.judge.theirs import Theirs, read_theirs
-from actin_xcheck.studies.judge.truth import Truth
+from actin_xcheck.studies.judge.theirs import Theirs, Truth, read_theirs
 from actin_xcheck.verdicts.known import known
 
 SCENE = load_scene("growing-disk")

@@ -5,15 +5,15 @@ from io import StringIO
 
 import pytest
 
-from actin_xcheck.cli import progress
-from actin_xcheck.cli.progress import Progress
+from actin_xcheck.cli import output
+from actin_xcheck.cli.output import Progress
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """Seconds, to be moved on by hand."""
     now = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
     return now
 
 

@@ -13,7 +13,6 @@ import typer
 
 from actin_xcheck.cli import predict, studies
 from actin_xcheck.cli.conduct import Json, page_of, print_table, scene_word
-from actin_xcheck.cli.judge import judge
 from actin_xcheck.cli.nightly import diff_command, history_command, nightly_command
 from actin_xcheck.cli.run import export_command, render_command, run_command
 from actin_xcheck.cli.sweep import sweep_command
@@ -33,7 +32,7 @@ app.add_typer(scenes_app, name="scenes")
 app.add_typer(predict.app, name="predict")
 app.command("compare")(studies.compare)
 app.command("run")(run_command)
-app.command("judge")(judge)
+app.command("judge")(studies.judge)
 app.command("paper")(studies.paper)
 app.command("converge")(studies.converge)
 app.command("chart")(studies.chart)

@@ -20,7 +20,7 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import CAVEATS, IN_UNITS, far_from_the_article
 
 if TYPE_CHECKING:
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress
     from actin_xcheck.studies.study import Report, Study, Tell
 
 
@@ -135,7 +135,7 @@ def carry_out(
     open_page: bool = False,
 ) -> tuple["Report", Path]:
     """Carry a study out in a folder and return its report and its page; with `force`, begin anew."""
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress
     from actin_xcheck.core.files import make_folder
     from actin_xcheck.runs.executor import executor, jobs_asked
     from actin_xcheck.studies import study as studies

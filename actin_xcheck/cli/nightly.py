@@ -96,8 +96,7 @@ def spend(
     how : see `carry_through`.
     """
     from actin_xcheck.cli.conduct import kept_in, saying_the_cost
-    from actin_xcheck.cli.output import say
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.core.files import replace_file
     from actin_xcheck.nightly.carry_out import carry_through
     from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages

@@ -133,7 +133,7 @@ def _run(
 ) -> NoReturn:
     """Run, say how it ended and leave with the exit code."""
     from actin_xcheck.cli.conduct import lasting
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress
     from actin_xcheck.core.errors import Ending
     from actin_xcheck.runs.numerics import run_seconds
     from actin_xcheck.runs.processes import stop_signals
@@ -271,7 +271,7 @@ def _deliver(
     scene: "Scene", accuracy: float, out_file: Path, quiet: bool, fidelity: Fidelity, json: bool
 ) -> NoReturn:
     """Run to an accuracy, say what was reached and leave with the exit code."""
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress
     from actin_xcheck.runs.accuracy import deliver
 
     with Progress(quiet) as progress:

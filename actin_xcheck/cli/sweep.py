@@ -59,7 +59,7 @@ def sweep_command(
     one did not, 2 for a mistake in what was asked.
     """
     from actin_xcheck.cli.conduct import check_step, kept_in, say_the_cost, saying_the_cost, shown
-    from actin_xcheck.cli.progress import Progress
+    from actin_xcheck.cli.output import Progress
     from actin_xcheck.core.files import make_folder, report_folder
     from actin_xcheck.runs.executor import jobs_asked
     from actin_xcheck.runs.numerics import Wanted

@@ -1,11 +1,15 @@
 """Where the article's linear theory is misprinted or mistaken, as data: what it says beside what holds.
 
-Entries whose values are numbers compute them here, so that none can drift from the functions it quotes.
+The words stand in `errata.toml`; numbers in them are computed here, so that none can drift from the functions
+it quotes.
 """
 
 import math
+import tomllib
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
+from typing import Any
 
 from actin_xcheck.core.model import Delta, Model
 from actin_xcheck.core.parameters import DimensionalParameters, Parameters
@@ -95,47 +99,6 @@ def _names(modes: tuple[Mode, ...]) -> str:
     return ", ".join(map(str, modes))
 
 
-def _linearisation() -> list[Erratum]:
-    """Errata 1 and 2 for w1,1 at psi = 62.4, p = 0.26, delta = 1 (Fig. 21) and p's bound in (A.2)."""
-    figure_21 = Model(Parameters(psi=62.4, p=0.26), delta=Delta.FULL)
-    k2 = wavenumber(1, 1) ** 2
-    corrected = _pair(growth_rates(figure_21, k2))
-    as_printed = _pair(growth_rates(figure_21, k2, Version.AS_PRINTED))
-    stiff = 1 + figure_21.parameters.nu_prime
-    arctan = "(3.3) expands arctan a about 0 instead of the steady state a = 1"
-    return [
-        Erratum(
-            1,
-            "(3.3), (3.5), (3.6), (3.8)",
-            "p and (2/π) p δ",
-            "p (1 + δ/2) in place of p, (p/π) δ in place of (2/π) p δ",
-            f"{arctan}, where arctan a = π/4 and its slope is 1/2.",
-        ),
-        Erratum(
-            1,
-            "Fig. 21, w1,1 at ψ = 62.4, p = 0.26, δ = 1",
-            f"λ = {as_printed}",
-            f"λ = {corrected}",
-            f"{arctan}; the printed value is the root of the printed (3.6).",
-        ),
-        Erratum(
-            1,
-            "(A.2), Section 5.1.2",
-            f"c(k²) > 0 for p < {stiff:.2f}",
-            f"c(k²) > 0 for p < {stiff:.2f} where δ = 0 and p < {stiff / 1.5:.4f} where δ = 1",
-            f"{arctan}; Section 5.1.2's p = 1.646 makes every mode unstable where δ = 1.",
-        ),
-        Erratum(
-            2,
-            "(3.7), w1,1 at ψ = 62.4, p = 0.26, δ = 1",
-            f"λ = {_pair(printed_3_7(figure_21, k2))}",
-            f"λ = {as_printed}",
-            "(3.7) has k² under the root and in the denominator although (3.6) has divided by it; both "
-            "use the printed b and c, but only (3.6) gives the Turing instability (real λ) of A.1.1.",
-        ),
-    ]
-
-
 def _table_4() -> list[Erratum]:
     """Erratum 3: rows of Table 4 that are not the modes with b(k^2) < 0 by the article's own (3.8)."""
     found = []
@@ -166,101 +129,33 @@ def _table_6() -> list[Erratum]:
     ]
 
 
-def _squares() -> list[Erratum]:
-    """Wave numbers in the captions of Figs. 21 and 22: squares of zeros already rounded."""
-    return [
-        Erratum(
-            4,
-            where,
-            f"k²_{{{m},1}} = {printed}",
-            f"k²_{{{m},1}} = {wavenumber(m, 1) ** 2:.5f}",
-            f"j'_{{{m},1}} = {wavenumber(m, 1):.8f} was rounded to five decimals before it was squared.",
-        )
-        for where, m, printed in (("Figs. 21, 22", 1, "3.38994"), ("Fig. 22", 2, "9.32838"))
-    ]
-
-
-def _numbering() -> list[Erratum]:
-    """Erratum 4: what follows from counting j'_{0,1} = 0, and signs and words nearby."""
-    at_zero = growth_rates(Model(Parameters(psi=270.0, p=0.0), delta=Delta.NONE), 0.0)[0].real
-    return [
-        Erratum(
-            4,
-            "Table 4, all rows",
-            "w0,1 is unstable",
-            "w0,1 (k = 0) decays with rate -1",
-            f"(3.6) is void at k = 0 (it would give {at_zero:.2f} at ψ = 270): a uniform a exerts no force.",
-        ),
-        Erratum(
-            4,
-            "A.1.1",
-            "k3² := k²_{0,1}",
-            f"k3² := k²_{{0,2}} = {wavenumber(0, 2) ** 2:.4f}",
-            "A.1 counts the zeros of J0' from j'_{0,1} = 0: the first non-trivial one is j'_{0,2} = 3.83171.",
-        ),
-        Erratum(4, "Remark A.1", "Δw = k² w", "Δw = -k² w", "a sign is missing; Section A.1 has it right."),
-        Erratum(
-            4,
-            "A.1.2, Fig. 23",
-            "Hopf instability: Re λ < 0 and Im λ > 0",
-            "damped oscillation",
-            "with Re λ < 0 the steady state is stable.",
-        ),
-        *_squares(),
-        Erratum(
-            4,
-            "A.1.1",
-            "any linear combination of eigenmodes solves the eigenvalue problem",
-            "it solves the linearised equations (3.3), each part with its own rate",
-            f"w0,2 has {wavenumber(0, 2) ** 2:.4f}, w2,1 {wavenumber(2, 1) ** 2:.4f}: no k² fits their sum.",
-        ),
-        *_table_6(),
-    ]
-
-
-def _simulations() -> list[Erratum]:
-    """Errata 5 to 8: what the article says of its runs in the light of the theory."""
-    near = Model(Parameters(psi=62.4, p=0.26), delta=Delta.NONE)
-    growth = amplitude_at_rest(near, Mode(1, 1), 4 * 1.0228e-2)
-    wall = leading_growth_rate(Model(Parameters(psi=62.4, p=0.0), delta=Delta.NONE), 1, 1).real
-    cell = REALISTIC_CELL.parameters
-    k_crit = math.sqrt(k2_crit(REALISTIC_CELL))
+def _values() -> dict[str, Any]:
+    """What the words of `errata.toml` name; w1,1 is that at psi = 62.4, p = 0.26, delta = 1 (Fig. 21)."""
+    figure_21 = Model(Parameters(psi=62.4, p=0.26), delta=Delta.FULL)
+    k_11, k_21, k_02 = wavenumber(1, 1), wavenumber(2, 1), wavenumber(0, 2)
+    stiff, k_crit = 1 + figure_21.parameters.nu_prime, math.sqrt(k2_crit(REALISTIC_CELL))
     zeros = count_below(k_crit)
-    return [
-        Erratum(
-            5,
-            "Fig. 13, text of Section 5.3",
-            "n = 146 (t = 1.493)",
-            f"n = 146 (t = {146 * 1.0228e-3:.4f})",
-            "146 steps of 1.0228e-3.",
-        ),
-        Erratum(
-            6,
-            "Section 6",
-            "more than seven wavenumbers",
-            f"{zeros.sum()} wavenumbers, {2 * zeros.sum() - zeros[0]} modes with cos and sin",
-            f"ψ = {cell.psi:.4g}, μ = {cell.mu:.4g}, d = {cell.d:.3g} give k_crit = {k_crit:.1f} (δ = 0).",
-        ),
-        Erratum(
-            7,
-            "Section 5.1",
-            "validated against linear theory after two and four steps",
-            "a growth rate was never compared",
-            f"the initial a has the mode's shape, and four steps let w1,1 grow by only {growth - 1:.1%}.",
-        ),
-        Erratum(
-            8,
-            "(3.4), Section 3.3",
-            "u is built of eigenfunctions with n·∇w = 0, hence u·n = 0 on the rim",
-            "the rim is free to move along its normal (2.1e, f)",
-            f"at ψ = 62.4, p = 0 w1,1 grows with {wall:.4f} on the static disk with an irrotational wall, "
-            "while all eigenvalues measured on the discretised moving cell are stable: the article's "
-            "bifurcation points are not those of its cell.",
-        ),
-    ]
+    near = figure_21.varied(delta=Delta.NONE)
+    return {
+        "corrected": _pair(growth_rates(figure_21, k_11**2)),
+        "as_printed": _pair(growth_rates(figure_21, k_11**2, Version.AS_PRINTED)),
+        "printed_3_7": _pair(printed_3_7(figure_21, k_11**2)),
+        **{"stiff": stiff, "stiff_full": stiff / 1.5},
+        "at_zero": growth_rates(Model(Parameters(psi=270.0, p=0.0), delta=Delta.NONE), 0.0)[0].real,
+        **{"k_11": k_11, "k_21": k_21, "k2_11": k_11**2, "k2_21": k_21**2, "k2_02": k_02**2},
+        "t_146": 146 * 1.0228e-3,
+        **{"cell": REALISTIC_CELL.parameters, "k_crit": k_crit},
+        **{"wavenumbers": zeros.sum(), "modes": 2 * zeros.sum() - zeros[0]},
+        "growth": amplitude_at_rest(near, Mode(1, 1), 4 * 1.0228e-2) - 1,
+        "wall": leading_growth_rate(near.varied(p=0.0), 1, 1).real,
+    }
 
 
 @cache
 def errata() -> tuple[Erratum, ...]:
     """Return all errata by number; their values are computed, except erratum 8's moving cell (by FEM)."""
-    return (*_linearisation(), *_table_4(), *_numbering(), *_simulations())
+    written = (files(__package__) / "errata.toml").read_text(encoding="utf-8")
+    said, values = tomllib.loads(written)["erratum"], _values()
+    words = ("where", "printed", "corrected", "reason")
+    found = [Erratum(one["number"], *(one[name].format_map(values) for name in words)) for one in said]
+    return tuple(sorted((*found, *_table_4(), *_table_6()), key=lambda one: one.number))

@@ -15,8 +15,16 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.judge.theirs import INTEGRALS, SAME_TIME, Theirs
-from actin_xcheck.studies.judge.truth import Truth, TruthAsked, known_alone, true_value, truth
+from actin_xcheck.studies.judge.theirs import (
+    INTEGRALS,
+    SAME_TIME,
+    Theirs,
+    Truth,
+    TruthAsked,
+    known_alone,
+    true_value,
+    truth,
+)
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.final import FinalValue, in_a_sentence, percent
