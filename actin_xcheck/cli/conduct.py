@@ -8,7 +8,7 @@ import inspect
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -115,13 +115,19 @@ def study_command(name: str, words: str = "") -> Callable[[Callable[..., "Study"
 
         own, common = inspect.signature(asked_for).parameters, inspect.signature(commanded).parameters
         shared = [one for one in common.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
-        parameters = [*own.values(), *shared]
-        commanded.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        commanded.__annotations__ = {one.name: one.annotation for one in parameters}
-        commanded.__name__, commanded.__doc__ = asked_for.__name__, asked_for.__doc__
-        return commanded
+        return as_command(commanded, asked_for, [*own.values(), *shared])
 
     return decorate
+
+
+def as_command(
+    function: Callable[..., Any], of: Callable[..., Any], parameters: Sequence[inspect.Parameter]
+) -> Callable[..., Any]:
+    """Return a function with the name and the words of another, which is asked for these parameters."""
+    function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    function.__annotations__ = {one.name: one.annotation for one in parameters}
+    function.__name__, function.__doc__ = of.__name__, of.__doc__
+    return function
 
 
 def carry_out(

@@ -1,13 +1,15 @@
 """`predict`: what theory says of a parameter set, as a table or as JSON, and all of it as a report."""
 
+import inspect
 import json
 import math
 import re
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.conduct import scene_word, study_command
+from actin_xcheck.cli.conduct import as_command, scene_word, study_command
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.parameters import Closure, Delta, Parameters, Rheology
 
@@ -54,8 +56,7 @@ Certify = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
-@app.command("modes")
-def modes_command(
+def _model(
     psi: Psi = None,
     p: P = None,
     d: D = None,
@@ -67,6 +68,65 @@ def modes_command(
     rheology: RheologyOption = None,
     delta: DeltaOption = None,
     scene: SceneOption = None,
+) -> "Model":
+    """What is given, else what the scene says, else the defaults; checked where types do not."""
+    from dataclasses import asdict
+
+    from actin_xcheck.core.model import Laws, Model
+    from actin_xcheck.scene.scene import load_scene
+
+    given = {"psi": psi, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
+    values: dict[str, float] = {name: value for name, value in given.items() if value is not None}
+    laws = Laws()
+    if scene:
+        physics = load_scene(scene).physics
+        values, laws = asdict(physics.parameters) | values, physics.laws
+        closure, rheology = closure or physics.closure, rheology or physics.rheology
+        delta = delta or physics.delta
+    elif missing := [name for name in ("psi", "p") if name not in values]:
+        raise UserError(f"--{missing[0]}: is missing; valid: a number, or --scene")
+    parameters, delta = Parameters(**values), delta or Delta.NONE
+    ranges = dict.fromkeys(("psi", "p"), "-1e6 and 1e6") | dict.fromkeys(
+        ("d", "a_sat", "mu1"), "1e-6 and 1e6"
+    )
+    for name, span in {**ranges, "mu2": "0 and 1e6"}.items():
+        least, most = map(float, span.split(" and "))
+        if not least <= (value := getattr(parameters, name)) <= most:
+            option = name.replace("_", "-")
+            raise UserError(f"--{option}: {value:g} is out of range; valid: a number between {span}")
+    if not -1 < parameters.nu < 0.5:
+        raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
+    if delta not in {Delta.NONE, Delta.FULL}:
+        raise UserError(f"--delta: {delta} varies in space; theory takes it constant; valid: none, full")
+    rheology, closure = rheology or Rheology.VISCOELASTIC, closure or Closure.REFERENCE_NORMAL
+    return Model(parameters, rheology, closure, delta, laws=laws)
+
+
+def of_a_model(sought: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function the model that options and a scene say, and which of its readings they leave open.
+
+    Its own parameters come after those of the model; the parameter that is sought is no option.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own = [*inspect.signature(function).parameters.values()][2:]
+        options = [one for one in inspect.signature(_model).parameters.values() if one.name != sought]
+
+        def commanded(**asked: Any) -> Any:
+            given: dict[str, Any] = {one.name: asked.pop(one.name) for one in options}
+            free = [name for name in ("closure", "rheology") if not (given[name] or given["scene"])]
+            return function(_model(**given | ({sought: 0.0} if sought else {})), free, **asked)
+
+        return as_command(commanded, function, [*options, *own])
+
+    return decorate
+
+
+@app.command("modes")
+@of_a_model()
+def modes_command(
+    model: "Model",
+    free: Sequence[str],
     m: Modes = "0:8",
     above: Annotated[float, typer.Option(help="Give all rates with a real part above this.")] = 0.0,
     certify: Certify = False,
@@ -80,8 +140,6 @@ def modes_command(
 
     from actin_xcheck.cli.conduct import print_table
 
-    given = {"psi": psi, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
-    model = _model(scene, given, closure, rheology, delta)
     if not math.isfinite(above):
         raise UserError(f"--above: {above:g} is no number; valid: a finite number")
     try:
@@ -105,17 +163,10 @@ def modes_command(
 
 
 @app.command("threshold")
+@of_a_model("psi")
 def threshold_command(
-    p: P = None,
-    d: D = None,
-    a_sat: ASat = None,
-    mu1: Mu1 = None,
-    mu2: Mu2 = None,
-    nu: Nu = None,
-    closure: ClosureOption = None,
-    rheology: RheologyOption = None,
-    delta: DeltaOption = None,
-    scene: SceneOption = None,
+    model: "Model",
+    free: Sequence[str],
     m: Modes = "0:4",
     certify: Certify = False,
     as_json: Json = False,
@@ -126,8 +177,6 @@ def threshold_command(
     from actin_xcheck.cli.conduct import print_table
     from actin_xcheck.theory.exact import lowest, threshold
 
-    given = {"psi": 0.0, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
-    model = _model(scene, given, closure, rheology, delta)
     found = [threshold(model, number) for number in _numbers(m)]
     first, conditions = lowest(found), _conditions(model)
     within = _certified_crossings(model, found) if certify else {}
@@ -154,20 +203,8 @@ def threshold_command(
 
 @app.command("transient")
 @study_command("transient", "predict transient")
-def transient(
-    psi: Psi = None,
-    p: P = None,
-    d: D = None,
-    a_sat: ASat = None,
-    mu1: Mu1 = None,
-    mu2: Mu2 = None,
-    nu: Nu = None,
-    closure: ClosureOption = None,
-    rheology: RheologyOption = None,
-    delta: DeltaOption = None,
-    scene: SceneOption = None,
-    m: Modes = "0:4",
-) -> "Study":
+@of_a_model()
+def transient(model: "Model", free: Sequence[str], m: Modes = "0:4") -> "Study":
     """Growth of perturbations before they decay, in an energy, and what schemes make of it.
 
     Of a rheology and a closure that are not given, both, the moving cell's and the wall's.  Starts that
@@ -175,10 +212,8 @@ def transient(
     """
     from actin_xcheck.studies.transient import transient as study
 
-    given = {"psi": psi, "p": p, "d": d, "a_sat": a_sat, "mu1": mu1, "mu2": mu2, "nu": nu}
-    model = _model(scene, given, closure, rheology, delta)
-    closures = [model.closure] if closure or scene else [model.closure, Closure.IRROTATIONAL_WALL]
-    rheologies = [model.rheology] if rheology or scene else [model.rheology, Rheology.VISCOUS]
+    closures = [model.closure, *([Closure.IRROTATIONAL_WALL] if "closure" in free else [])]
+    rheologies = [model.rheology, *([Rheology.VISCOUS] if "rheology" in free else [])]
     models = [model.varied(closure=one, rheology=other) for one in closures for other in rheologies]
     return study(models, _numbers(m))
 
@@ -230,49 +265,6 @@ def _need_flint() -> None:
         raise UserError(
             "--certify: python-flint is not installed; valid: pip install 'actin-xcheck[certify]'"
         )
-
-
-def _model(
-    scene: str | None,
-    given: dict[str, float | None],
-    closure: Closure | None,
-    rheology: Rheology | None,
-    delta: Delta | None,
-) -> "Model":
-    """What is given, else what the scene says, else the defaults; checked where types do not."""
-    from dataclasses import asdict
-
-    from actin_xcheck.core.model import Laws, Model
-    from actin_xcheck.scene.scene import load_scene
-
-    values: dict[str, float] = {name: value for name, value in given.items() if value is not None}
-    laws = Laws()
-    if scene:
-        physics = load_scene(scene).physics
-        values, laws = asdict(physics.parameters) | values, physics.laws
-        closure, rheology, delta = (
-            closure or physics.closure,
-            rheology or physics.rheology,
-            delta or physics.delta,
-        )
-    elif missing := [name for name in ("psi", "p") if name not in values]:
-        raise UserError(f"--{missing[0]}: is missing; valid: a number, or --scene")
-    parameters, delta = Parameters(**values), delta or Delta.NONE
-    for option, value in {"--psi": parameters.psi, "--p": parameters.p}.items():
-        if not abs(value) <= 1e6:
-            raise UserError(f"{option}: {value:g} is out of range; valid: a number between -1e6 and 1e6")
-    positive = {"--d": parameters.d, "--a-sat": parameters.a_sat, "--mu1": parameters.mu1}
-    for option, value in positive.items():
-        if not 1e-6 <= value <= 1e6:
-            raise UserError(f"{option}: {value:g} is out of range; valid: a number between 1e-6 and 1e6")
-    if not 0 <= parameters.mu2 <= 1e6:
-        raise UserError(f"--mu2: {parameters.mu2:g} is out of range; valid: a number between 0 and 1e6")
-    if not -1 < parameters.nu < 0.5:
-        raise UserError(f"--nu: {parameters.nu:g} is out of range; valid: -1 < nu < 0.5")
-    if delta not in {Delta.NONE, Delta.FULL}:
-        raise UserError(f"--delta: {delta} varies in space; theory takes it constant; valid: none, full")
-    rheology, closure = rheology or Rheology.VISCOELASTIC, closure or Closure.REFERENCE_NORMAL
-    return Model(parameters, rheology, closure, delta, laws=laws)
 
 
 def _conditions(model: "Model") -> dict[str, float | str]:
