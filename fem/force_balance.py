@@ -16,9 +16,8 @@ from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
 from actin_xcheck.core.preconditioner import Preconditioner
-from fem.boundary import Constraint, free_motions, rigid_motions, settle
+from fem.boundary import Constraint, FreeRim, free_motions, rigid_motions, settle
 from fem.kernels import CellSample
-from fem.rim import FreeRim
 from fem.space import CELLWISE, Space
 
 PAIRS = ((0, 1), (1, 2), (2, 0))

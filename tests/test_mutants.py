@@ -49,7 +49,7 @@ def test_every_part_that_is_judged_is_there():
 
 
 def test_the_table_counts_what_is_found_and_names_what_survives():
-    line = {"file": "fem/rim.py", "line": 3, "kind": "sign", "before": "-a", "after": "a"}
+    line = {"file": "fem/boundary.py", "line": 3, "kind": "sign", "before": "-a", "after": "a"}
     said = table([line | {"tests": True, "product": False}, line | {"tests": False, "product": True}])
     assert ["fem", "2", "50%", "50%"] in [row.split() for row in said.splitlines()]
-    assert said.count("survives the tests: fem/rim.py:3 sign: -a -> a") == 1
+    assert said.count("survives the tests: fem/boundary.py:3 sign: -a -> a") == 1

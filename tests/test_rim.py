@@ -17,10 +17,10 @@ from actin_xcheck.core.parameters import Closure, Delta, Parameters
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
+from fem.boundary import FreeRim
 from fem.fields import locate
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
-from fem.rim import FreeRim
 from fem.space import Space
 from fv.boundary import Ties
 from fv.mesh import Faces

@@ -1,5 +1,6 @@
 """Motions that are not the force balance; and where its systems were factorised, to solve those after."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -12,8 +13,28 @@ from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 
 
+class _GivenMotion(ABC):
+    """A motion that answers to no load: nothing is carried, and nothing is to be put back."""
+
+    @abstractmethod
+    def velocity(self, t: float, x: Array, corners: Array) -> Array:
+        """Of the nodes, (2, N)."""
+
+    def carried(self, u0: Callable[[Array], Array]) -> Array:
+        """Nothing."""
+        return NOTHING
+
+    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
+        """The velocity as a Move."""
+        return Move(x, self.velocity(t, x, corners))
+
+    def settle(self, x: Array) -> Array:
+        """Nothing to put back."""
+        return x
+
+
 @dataclass(frozen=True)
-class PrescribedMotion:
+class PrescribedMotion(_GivenMotion):
     """Nodes from xi (2, N) follow x(xi, t): positions are evaluated, so that no error of motion enters."""
 
     xi: Array
@@ -32,21 +53,9 @@ class PrescribedMotion:
         """The prescribed velocity (2, N)."""
         return self.motion.velocity(self.xi, t)
 
-    def carried(self, u0: Callable[[Array], Array]) -> Array:
-        """Nothing."""
-        return NOTHING
-
-    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
-        """The velocity as a Move."""
-        return Move(x, self.velocity(t, x, corners))
-
-    def settle(self, x: Array) -> Array:
-        """Nothing to put back."""
-        return x
-
 
 @dataclass(frozen=True)
-class RecordedMotion:
+class RecordedMotion(_GivenMotion):
     """The node paths of a finished run, replayed step by step.
 
     Attributes
@@ -80,18 +89,6 @@ class RecordedMotion:
     def velocity(self, t: float, x: Array, corners: Array) -> Array:
         """Recorded velocity (2, N) of the step that ended at t."""
         return self.moves[int(np.argmin(np.abs(self.times - t)))].v
-
-    def carried(self, u0: Callable[[Array], Array]) -> Array:
-        """Nothing."""
-        return NOTHING
-
-    def flow(self, t: float, x: Array, corners: Array, carried: Array = NOTHING) -> Move:
-        """The recorded velocity as a Move."""
-        return Move(x, self.velocity(t, x, corners))
-
-    def settle(self, x: Array) -> Array:
-        """Nothing to put back."""
-        return x
 
 
 Made = TypeVar("Made")

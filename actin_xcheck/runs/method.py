@@ -64,7 +64,7 @@ class Method:
     options : further arguments of the solver by name, among them `space` where elements are not P1.
     adaptive : whether it estimates its error in time, so that it can choose its steps.
     mechanics : "module:Class" of the force balance that moves its nodes: the finite elements', or one's own.
-    knows_rim : whether it knows the dilation of a free rim to the order of positions, see `fem/rim.py`.
+    knows_rim : whether it knows the dilation of a free rim to the order of positions, see `fem/boundary.py`.
     """
 
     name: str

@@ -15,9 +15,8 @@ from pydantic_core import ErrorDetails
 from actin_xcheck.core.errors import UserError, brief
 from actin_xcheck.core.model import Closure, Delta, Model
 from actin_xcheck.core.parameters import IN_UNITS, UNITS, DimensionalParameters, Parameters
-from actin_xcheck.scene.dimensional import DimensionalTable
 from actin_xcheck.scene.expression import Expression
-from actin_xcheck.scene.laws import LawsTable, require_values, with_own_parameters
+from actin_xcheck.scene.laws import DimensionalTable, LawsTable, require_values, with_own_parameters
 from actin_xcheck.scene.shelf import MAX_SIZE, did_you_mean, read_scene, varied
 from actin_xcheck.scene.tables import (
     AsPublished,

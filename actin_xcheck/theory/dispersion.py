@@ -139,14 +139,6 @@ def contrast(parameters: Parameters) -> float:
     return parameters.mu1 / 2 / parameters.mu
 
 
-def half_plane_rate(closure: Closure, parameters: Parameters, speed: float, wavenumber: float) -> float:
-    """Growth rate of a ripple on a rim that advances with `speed`, to leading order in |k|.
-
-    ValueError for `irrotational-wall`, whose rim does not move.
-    """
-    return contrast(parameters) * speed * abs(wavenumber) if _follows_the_rim(closure) else 0.0
-
-
 def ripple_exponent(closure: Closure, parameters: Parameters, m: int) -> float:
     """Return gamma: the amplitude of cos m theta, m >= 1, on a uniformly swelling disk goes like R^gamma.
 
@@ -320,6 +312,11 @@ def leading_growth_rate(model: Model, m: int, n: int) -> complex:
     k2 = wavenumber(m, n) ** 2
     rates = growth_rates(model, k2)
     return complex(rates[0]) if k2 > 0 else complex(-model.reaction_rate())
+
+
+def rate_in_words(rate: complex) -> str:
+    """A growth rate, with its frequency where it has one."""
+    return f"{rate.real:.4f}" + (f" ± {rate.imag:.4f}i" if rate.imag else "")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from actin_xcheck.runs.numerics import CHOSEN, command
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.scene.tables import Bound
+from actin_xcheck.theory.dispersion import rate_in_words
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.known import (
@@ -268,8 +269,8 @@ class _Judge:
         return self._claim(
             kind=ClaimKind.GROWTH_RATE,
             quantity="growth_rate",
-            statement=f"mode ({expected.m}, {expected.n}) grows at the predicted rate {_complex(rate)} "
-            f"({'relative error' if rate else 'error'}; measured {_complex(measured)})",
+            statement=f"mode ({expected.m}, {expected.n}) grows at the predicted rate {rate_in_words(rate)} "
+            f"({'relative error' if rate else 'error'}; measured {rate_in_words(measured)})",
             value=abs(measured - rate) / (abs(rate) or 1.0),
             bound=bound,
             path="run/series/mode_amplitude",
@@ -316,11 +317,6 @@ class _Judge:
                     path=f"run/series/{quantity}",
                     note=f"{note}; {expected.origin}",
                 )
-
-
-def _complex(rate: complex) -> str:
-    """A growth rate, with its frequency where it has one."""
-    return f"{rate.real:.4f}" + (f" ± {rate.imag:.4f}i" if rate.imag else "")
 
 
 def _agreement(scene: Scene, one: tuple[str, Run], other: tuple[str, Run]) -> Iterator[Claim]:

@@ -148,13 +148,13 @@ OF_BOTH = (*FAULTS,)
 FAULTS(
     "fem-rim-not-carried",
     "fem",
-    "fem.rim:FreeRim.rate",
+    "fem.boundary:FreeRim.rate",
     "The deformation gradient across the rim stays what it was at the start, in the finite elements.",
 )(nothing)
 FAULTS(
     "fem-rim-reaction-dropped",
     "fem",
-    "fem.rim:FreeRim._reaction",
+    "fem.boundary:FreeRim._reaction",
     "The closure's reaction has no part in how the rim's finite elements stretch.",
 )(nothing)
 FAULTS(

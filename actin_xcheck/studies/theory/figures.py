@@ -16,6 +16,7 @@ from actin_xcheck.theory.dispersion import (
     coefficients,
     growth_rates,
     printed_3_7,
+    rate_in_words,
     sigma_prime,
     wavenumber,
 )
@@ -147,14 +148,10 @@ def pictures() -> list[Picture]:
     ]
     cell = Model(Parameters(270.0, 0.0), delta=Delta.NONE)
     return shown + [
-        Picture(f"cell-{m}", f"moving cell, m = {m}: λ = {_rate(field.rate)}", on_grid(field.a(x)))
+        Picture(f"cell-{m}", f"moving cell, m = {m}: λ = {rate_in_words(field.rate)}", on_grid(field.a(x)))
         for m in range(3)
         for field in [eigenfield(cell, m, 1)]
     ]
-
-
-def _rate(rate: complex) -> str:
-    return f"{rate.real:.4f}" + (f" ± {rate.imag:.4f}i" if rate.imag else "")
 
 
 PSI_MAX, P_MAX = 240.0, 1.74
