@@ -98,7 +98,7 @@ def last(reports: Path) -> Path:
 
 def test_the_dashboard_says_how_it_stands_and_what_changed(reports: Path) -> None:
     text = Tags(reports / "index.html").words
-    assert "3 of 5 claims hold in the last night, 2026-03-09" in text
+    assert "3 of 5 claims hold, 1 is flaky, 1 check broke down, 1 check not run in the last night" in text
     assert "deliberate fault: fem-leak" in text
     assert "100 -> 150 (+50 %)" in text
     grew = r"2026-03-06 ?step, worse solves/compare .* ?\(\+50 %\)commit aaaaaaaaaaaa -> bbbbbbbbbbbb"
@@ -111,13 +111,15 @@ def test_the_dashboard_says_how_it_stands_and_what_changed(reports: Path) -> Non
 
 def test_the_night_says_what_fails_and_what_was_not_run(last: Path, reports: Path) -> None:
     text = Tags(last).words
-    assert "3 of 5 claims hold" in text
+    assert "3 of 5 claims hold, 1 is flaky, 1 check broke down, 1 check not run" in text
     assert "1 more was not run." in text
     assert "7.0 s expected, 1.0 s left" in text
     assert "broke down: ValueError: <b>no</b> mesh" in text
     faulty = Tags(reports / "2026-03-10" / "index.html").words
     assert "A deliberate fault was on all night: fem-leak." in faulty
     assert "/studies/y" in text
+    badges = re.findall(r'<span class="badge (\w+)">', last.read_text(encoding="utf-8"))
+    assert [badges.count(one) for one in ("flaky", "broken", "fail")] == [1, 2, 3]
     assert "again & again" in text
 
 
@@ -214,7 +216,7 @@ def test_claims_are_filtered_by_typing_and_choosing(tab: Page, reports: Path, la
         assert tab.evaluate(SHOWN) == 7
         tab.evaluate("document.querySelector('select').focus()")
         tab.keyboard.press("ArrowDown")
-        assert tab.evaluate("document.querySelector('select').value") == "fail"
+        assert tab.evaluate("document.querySelector('select').value") == "fail flaky broken"
         assert tab.evaluate(SHOWN) == 2
         heads = "[...document.querySelectorAll('tbody[data-check]')].filter(body => body.offsetParent).length"
         assert tab.evaluate(heads) == 2

@@ -274,4 +274,7 @@ def test_diff_shows_what_turned_and_what_changed(written):
     found = json.loads(said("diff", "2026-03-20", "2026-04-29", "--json", "--file", written))
     assert found["claims"][0]["now"] == "FAIL"
     assert found["numbers"][0]["weight"] >= found["numbers"][1]["weight"]
+    worse = said("diff", "2026-03-20", "2026-04-29", "--markdown", "--file", written)
+    assert worse.startswith("### 1 claims fail that did not, ")
+    assert "| order/dropped | " in worse
     assert said("diff", "2026-03-20", "2026-03-20", "--file", written).count("\n") == 3

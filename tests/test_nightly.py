@@ -1,5 +1,7 @@
 """The night: what is tried first, what fits, what goes wrong, what is kept."""
 
+import json
+import re
 import shutil
 import signal
 import time
@@ -16,7 +18,7 @@ from actin_xcheck.nightly.history import read_claims, read_nights, read_numbers
 from actin_xcheck.nightly.items import Control, Costed
 from actin_xcheck.nightly.plan import KERNEL, Past, Wish, chosen, night_folder, past, suite
 from actin_xcheck.nightly.record import FILE_NAME, read_night
-from actin_xcheck.runs.executor import executor
+from actin_xcheck.runs.executor import cores, executor
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies import journal
 from actin_xcheck.studies.checks import SUITE, Compared
@@ -60,6 +62,25 @@ def test_the_suite_has_all_parts_names_of_its_own_and_scenes_that_are_shipped():
     assert costed >= {FEM, FV, "fv-order2", "fem-p4-imex4"}
     checks = [getattr(item, "check", None) for item in suite()]
     assert all(load_scene(one.scene).name == one.scene for one in checks if isinstance(one, Compared))
+
+
+def test_what_a_night_would_take_is_said_without_one(command, tmp_path):
+    known = suite()
+    said = command("nightly --dry-run --jobs 2 --budget 1 --out nights")
+    told = re.fullmatch(
+        r"nightly: (\d+) checks, about (\d+) min on 2 processes; (\d+) of them fit; nothing was run\n",
+        said.stdout,
+    )
+    assert told, said
+    count, minutes, fit = map(int, told.groups())
+    assert count == len(known)
+    assert 0 < fit < count
+    assert 2 * 60 * minutes > sum(item.guess for item in known)
+    (one,) = [
+        json.loads(command(f"nightly --dry-run --json --only '{item.name}'").stdout) for item in known[:1]
+    ]
+    assert (one["tasks"], one["seconds"]) == (1, pytest.approx(known[0].guess / cores()))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_not_expected_to_fit_is_not_begun(night, tmp_path):

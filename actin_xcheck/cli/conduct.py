@@ -182,17 +182,22 @@ def say_the_cost(words: str, study: "Study", workers: int | None, json: bool) ->
     """Say what a study asks for first, and about how long that takes; what it asks next depends on it."""
     import os
 
-    from actin_xcheck.cli.output import CostAnswer, say
-
     tasks = next(study)
     count = workers or os.cpu_count() or 1
     seconds = sum(one.seconds for one in tasks) / max(min(count, len(tasks)), 1)
     seconds += float(getattr(tasks, "later", 0.0)) / count
+    many = f"{len(tasks)} tasks" if len(tasks) != 1 else "1 task"
+    say_seconds(words, len(tasks), f"{many} at first", seconds, f"{count} processes", json)
+
+
+def say_seconds(words: str, tasks: int, what: str, seconds: float, by: str, json: bool) -> NoReturn:
+    """Say what so many tasks are, and about how long they take, and end."""
+    from actin_xcheck.cli.output import CostAnswer, say
+
     if json:
-        say(CostAnswer(command=words, tasks=len(tasks), seconds=seconds))
+        say(CostAnswer(command=words, tasks=tasks, seconds=seconds))
     else:
-        many = f"{len(tasks)} tasks" if len(tasks) != 1 else "1 task"
-        print(f"{words}: {many} at first, about {lasting(seconds)} on {count} processes; nothing was run")
+        print(f"{words}: {what}, about {lasting(seconds)} on {by}; nothing was run")
     raise typer.Exit(0)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.conduct import Json, Listed, Quiet, command, print_names, print_table
+from actin_xcheck.cli.conduct import DryRun, Json, Listed, Quiet, command, print_names, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -58,6 +58,7 @@ def nightly_command(
     out_dir: Annotated[Path, typer.Option("--out", help="Folder of all nights.")] = Path("reports"),
     as_json: Json = False,
     quiet: Quiet = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Run the verification suite, keep its numbers, and draw the dashboard: index.html over all nights.
 
@@ -65,13 +66,18 @@ def nightly_command(
     and times: first what failed last, then what is cheapest.  Exit code 0 when all is green, 1 when not, 2
     for a mistake in what was asked.  A night with a deliberate fault is no part of the history.
     """
-    from actin_xcheck.nightly.plan import Wish, suite
+    from actin_xcheck.cli.conduct import say_seconds
+    from actin_xcheck.nightly.plan import Wish, cost, suite
     from actin_xcheck.runs.executor import executor, jobs_asked
 
     if listed:
         print_names(item.name for item in suite())
     patterns, again = tuple(only or ()), command()
     wish = Wish(out_dir, budget, fault or "", baseline or "", patterns, failed, resume, again)
+    if dry_run:
+        count, seconds, fit = cost(wish, suite(), workers := jobs_asked(jobs, scheduler))
+        by = f"{workers} processes" + (f"; {fit} of them fit" if fit < count else "")
+        say_seconds("nightly", count, f"{count} checks", seconds, by, as_json)
     processes = executor(jobs_asked(jobs, scheduler), scheduler)
     raise typer.Exit(spend(wish, suite(), processes, scheduler is not None, as_json, quiet))
 
@@ -102,6 +108,7 @@ def spend(
     from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
     from actin_xcheck.nightly.plan import begun
     from actin_xcheck.nightly.record import junit
+    from actin_xcheck.nightly.standing import flaky
     from actin_xcheck.runs.provenance import reference_kernel
 
     seconds = kernel or float(reference_kernel()[0])
@@ -112,7 +119,8 @@ def spend(
             kept = carry_through(tonight, wish.history, workers, tell, away, **how)
         replace_file(kept.folder / JUNIT, junit(kept))
         write_scene_pages(kept.folder)
-        answer = _answer(kept, write_night_page(kept.folder))
+        unsteady = flaky(wish.history, kept.begun.name) if not kept.begun.fault else ()
+        answer = _answer(kept, write_night_page(kept.folder), unsteady)
         replace_file(kept.folder / SUMMARY, answer.model_dump_json(indent=1).encode("utf-8"))
     index = write_dashboard(wish.reports)
     if as_json:
@@ -122,7 +130,7 @@ def spend(
     return 0 if kept.green else 1
 
 
-def _answer(kept: "Kept", page: Path) -> "NightAnswer":
+def _answer(kept: "Kept", page: Path, unsteady: "Iterable[str]") -> "NightAnswer":
     from actin_xcheck.cli.output import FailedClaim, NightAnswer
     from actin_xcheck.nightly.items import group_of
 
@@ -141,6 +149,7 @@ def _answer(kept: "Kept", page: Path) -> "NightAnswer":
         seconds=kept.seconds,
         claims=dict(Counter(claim.verdict for claim in kept.claims)),
         failed=tuple(failing),
+        flaky=tuple(sorted(unsteady)),
         troubles={done.name: done.trouble for done in kept.done if done.trouble},
         not_run={one.name: one.why for one in kept.left_out},
         checks={done.name: done.seconds for done in kept.done},
@@ -151,21 +160,22 @@ def _answer(kept: "Kept", page: Path) -> "NightAnswer":
 
 def _print(kept: "Kept", answer: "NightAnswer", index: Path) -> None:
     from actin_xcheck.core.claim import excess
+    from actin_xcheck.nightly.history import judged_in
+    from actin_xcheck.nightly.standing import standing
 
     if kept.begun.fault:
         print(f"deliberate fault: {kept.begun.fault}")
     for one in answer.failed:
-        print(f"FAIL {one.scene} [{', '.join(one.methods)}]: {one.statement}: ", end="")
+        verdict = "FLAKY" if f"{one.key} · {one.check}" in answer.flaky else "FAIL"
+        print(f"{verdict} {one.scene} [{', '.join(one.methods)}]: {one.statement}: ", end="")
         print(f"{excess(one.value, one.bound)} ({one.note})")
     for name, trouble in answer.troubles.items():
         print(f"FAIL {name}: {trouble}")
     for left in kept.left_out:
         if left.seconds:  # it was begun
             print(f"NOT RUN {left.name}: {left.why}")
-    holding, failing = answer.claims.get("PASS", 0), answer.claims.get("FAIL", 0)
-    print(f"{holding} of {holding + failing} claims hold in {len(kept.done)} checks", end="")
-    print(f", {len(answer.troubles)} checks broke down" if answer.troubles else "", end="")
-    print(f", {len(kept.left_out)} not run" if kept.left_out else "", end="")
+    now = standing(judged_in(kept.done), answer.flaky, kept.left_out)
+    print(f"{now.score} claims hold in {len(kept.done)} checks{now.apart}", end="")
     print(f"; {kept.seconds / 60:.1f} min; report: {answer.page}; all nights: {index}")
 
 
@@ -221,6 +231,9 @@ def diff_command(
     new: Annotated[str, typer.Argument(metavar="NIGHT", help="Another, to compare with it.")],
     file: File = DEFAULT_PATH,
     as_json: Whole = False,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="What is worse, with its usual scatter, for a pull request.")
+    ] = False,
 ) -> None:
     """Compare two nights: claims whose verdict turned, and numbers that differ, the largest change first."""
     from actin_xcheck.nightly.differences import differences, turned
@@ -230,6 +243,13 @@ def diff_command(
     before, after = (find_night(nights, name).night for name in (old, new))
     claims = turned(read_claims(file, before.name), read_claims(file, after.name))
     numbers = differences(read_numbers(file, before.name), read_numbers(file, after.name))
+    if markdown:
+        from actin_xcheck.nightly.history import read_series
+        from actin_xcheck.nightly.standing import markdown as worse
+
+        series = {one.key: one for one in read_series(file)}
+        print(worse(before, after, claims, numbers, series), end="")
+        return
     news = after.differences(before)
     if as_json:
         print_json(

@@ -159,6 +159,8 @@ class NightAnswer(Answer):
     claims: dict[str, int]
     """How many have which verdict."""
     failed: tuple[FailedClaim, ...]
+    flaky: tuple[str, ...] = ()
+    """Keys of claims that the same code has seen hold and fail, with their checks behind."""
     troubles: dict[str, str]
     """Checks that came to no verdict, and why."""
     not_run: dict[str, str]

@@ -14,7 +14,15 @@ from actin_xcheck.core.claim import Claim
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.nightly.changes import events
 from actin_xcheck.nightly.history import FILE_NAME as HISTORY
-from actin_xcheck.nightly.history import Counted, JudgedNumber, Series, read_claims, read_nights, read_series
+from actin_xcheck.nightly.history import (
+    Counted,
+    JudgedNumber,
+    Series,
+    judged_in,
+    read_claims,
+    read_nights,
+    read_series,
+)
 from actin_xcheck.nightly.items import COMPARISON, Group, group_of
 from actin_xcheck.nightly.record import (
     FILE_NAME,
@@ -25,6 +33,7 @@ from actin_xcheck.nightly.record import (
     read_night,
     short,
 )
+from actin_xcheck.nightly.standing import flaky, standing, state_of
 from actin_xcheck.report.draw import SEQUENTIAL, Brush, Colours, Panel, closed_rim, scale_ends, span, window
 from actin_xcheck.report.film import on_triangles
 from actin_xcheck.report.page import environment, put_page
@@ -61,9 +70,9 @@ class _Row(NamedTuple):
     file: str
 
     @property
-    def key(self) -> str:
-        """Its name, as the history has it."""
-        return JudgedNumber(self.claim, self.check.name).key
+    def judged(self) -> JudgedNumber:
+        """As the history has it."""
+        return JudgedNumber(self.claim, self.check.name)
 
 
 class _Light(NamedTuple):
@@ -108,6 +117,7 @@ def write_night_page(folder: Path) -> Path:
     """
     folder = Path(folder)
     night = read_night(folder)
+    unsteady = frozenset() if night.begun.fault else flaky(folder.parent / HISTORY, night.begun.name)
     rows = [
         _Row(claim, group_of(claim), done, file)
         for done in night.done
@@ -125,7 +135,8 @@ def write_night_page(folder: Path) -> Path:
             if ours
         ],
         failing=[row for row in rows if row.claim.verdict == "FAIL"],
-        verdicts=Counter(claim.verdict for claim in night.claims),
+        standing=standing(judged_in(night.done), unsteady, night.left_out),
+        states={row.judged.key: state_of(row.judged, unsteady) for row in rows},
         fault=FAULTS.get(night.begun.fault),
         called=sum(night.begun.fault in done.reached for done in night.done),
         pages=_pages(night),
@@ -202,7 +213,11 @@ def write_dashboard(reports: Path) -> Path:
     last = counted[-1] if counted else None
     name = last.night.name if last else ""
     shown = {one.night.name: read_claims(history, one.night.name) for one in counted[-SHOWN:]}
-    kept = folders.get(name)
+    kept, unsteady = folders.get(name), flaky(history, name)
+    every = _nights(counted, folders)
+    now = standing(shown.get(name, {}).values(), unsteady, kept.left_out if kept else ())
+    for row in every:
+        row["state"] = now.state if row["name"] == name else row["state"]
     text = _environment(reports).get_template("dashboard.html").render(
         last=last,
         lights=_lights(shown),
@@ -210,7 +225,9 @@ def write_dashboard(reports: Path) -> Path:
         numbers=_by_kind(series, name, lines),
         events=changed[:EVENTS],
         more=max(len(changed) - EVENTS, 0),
-        nights=_nights(counted, folders),
+        nights=every,
+        standing=now,
+        states={key: state_of(one, unsteady) for key, one in shown.get(name, {}).items()},
         folders=folders,
         anchors={
             done.name: f"{name}/index.html#check-{number}"
@@ -278,13 +295,13 @@ def _nights(counted: Iterable[Counted], folders: Mapping[str, Kept]) -> list[dic
             "not_run": len(kept.left_out),
             "fault": kept.begun.fault,
             "page": f"{kept.folder.name}/index.html" if (kept.folder / "index.html").exists() else "",
-            "state": "fail" if kept.red else "pass" if kept.closed else "none",
+            "state": standing(judged_in(kept.done)).state if kept.red or kept.closed else "none",
         }
         for name, kept in folders.items()
     }
     for one in counted:
         night = one.night
-        known = rows.get(night.name, {"not_run": 0, "page": ""})
+        known = {"not_run": 0, "page": "", "state": _state(one.verdicts), **rows.get(night.name, {})}
         rows[night.name] = known | {
             "name": night.name,
             "date": night.date,
@@ -292,7 +309,6 @@ def _nights(counted: Iterable[Counted], folders: Mapping[str, Kept]) -> list[dic
             "minutes": night.seconds / 60,
             "verdicts": one.verdicts,
             "fault": "",
-            "state": _state(one.verdicts),
         }
     return sorted(rows.values(), key=lambda row: str(row["date"]), reverse=True)
 

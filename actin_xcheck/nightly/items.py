@@ -69,6 +69,10 @@ def group_of(claim: Claim) -> Group:
     return _SHARED.get(claim.kind) or Group[claim.kind.name]
 
 
+NO_VERDICT = "comes to a verdict"
+"""What is claimed of a check that broke down, and fails."""
+
+
 def no_verdict(check: str, trouble: str) -> Claim:
     """What fails where a check broke down: it has the light of what it would have judged."""
     what, _, subject = check.partition(" ")
@@ -76,7 +80,7 @@ def no_verdict(check: str, trouble: str) -> Claim:
         kind={"fault": ClaimKind.CONTROL, "cost": ClaimKind.COST}.get(what, ClaimKind.ENDS),
         scene=subject if what == "fault" else check,
         methods=(),
-        statement="comes to a verdict",
+        statement=NO_VERDICT,
         value=math.nan,
         bound=0.0,
         command=command("nightly", only=check),

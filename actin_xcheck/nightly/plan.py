@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -256,6 +257,15 @@ def planned(wish: Wish, suite: Sequence[Item], known: Past) -> tuple[Item, ...]:
     if wish.baseline:
         find_night(read_nights(wish.history), wish.baseline)
     return items
+
+
+def cost(wish: Wish, suite: Sequence[Item], workers: int) -> tuple[int, float, int]:
+    """How many checks a night would try, about how many seconds all of them take, and how many have time."""
+    known = past(wish.history)
+    shares = (known.expected(one) / (1 if one.timed else workers) for one in planned(wish, suite, known))
+    ends = list(accumulate(shares))
+    budget = 60 * (wish.minutes or math.inf) * (1 - PAGES)
+    return len(ends), ends[-1], sum(end <= budget for end in ends)
 
 
 def with_fault(items: Sequence[Item], fault: str) -> tuple[Item, ...]:

@@ -180,6 +180,11 @@ class NotRun:
     why: str
     seconds: float = 0.0
 
+    @property
+    def stopped(self) -> bool:
+        """Whether it was begun, or a machine was missing; else there was no time, or nothing to judge."""
+        return self.seconds > 0 or self.why.startswith("the machine")
+
 
 @dataclass(frozen=True)
 class Kept:

@@ -68,7 +68,7 @@ for (const form of document.querySelectorAll("form.filter")) {
     let shown = 0;
     for (const row of rows) {
       const said = (row.closest("tbody").dataset.check + " " + row.textContent).toLowerCase();
-      row.hidden = !(words.every(word => said.includes(word)) && (!state.value || row.dataset.state === state.value));
+      row.hidden = !(words.every(word => said.includes(word)) && (!state.value || state.value.split(" ").includes(row.dataset.state)));
       shown += !row.hidden;
     }
     for (const body of table.tBodies) body.hidden = ![...body.querySelectorAll("tr.claim")].some(row => !row.hidden);
