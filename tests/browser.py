@@ -1,6 +1,8 @@
 """Chromium, driven by playwright: what it complains of on a page from file://, and what nobody can read."""
 
 import shutil
+import subprocess
+import tarfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -209,6 +211,29 @@ _CONTRAST = """(() => {
 
 _LEAST_CONTRAST = 4.5
 """WCAG AA."""
+
+
+AXE = "axe-core@4.11.1"
+
+_VIOLATIONS = """async () => (await axe.run(document, { resultTypes: ["violations"] })).violations
+  .flatMap(({ id, nodes }) => nodes.map(one => `${id}: ${one.html.slice(0, 120)} ${one.failureSummary}`))"""
+
+
+def fetch_axe(folder: Path) -> str:
+    """The text of axe-core, the checks of accessibility; OSError or CalledProcessError where npm has none."""
+    subprocess.run(["npm", "pack", AXE, "--silent"], cwd=folder, check=True, capture_output=True, timeout=120)
+    with tarfile.open(next(folder.glob("axe-core-*.tgz"))) as packed:
+        file = packed.extractfile("package/axe.min.js")
+        assert file is not None
+        return file.read().decode()
+
+
+def violations(tab: Page, axe: str) -> list[str]:
+    """What of the page that is open shuts somebody out; a sentence each."""
+    if not tab.evaluate("'axe' in window"):
+        tab.evaluate(axe)
+    found: list[str] = tab.evaluate(_VIOLATIONS)
+    return found
 
 
 def unreadable(tab: Page) -> list[str]:

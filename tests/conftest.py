@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page
 
 from actin_xcheck.cli import app
 from actin_xcheck.core.files import replace_file
-from tests.browser import CHROMIUM, SCREEN, chromium
+from tests.browser import AXE, CHROMIUM, SCREEN, chromium, fetch_axe
 
 if TYPE_CHECKING:
     from tests.small import Carried
@@ -38,6 +38,14 @@ def browser() -> Iterator[Browser]:
         pytest.skip("needs Chromium (Debian: apt-get install chromium)")
     with chromium() as browser:
         yield browser
+
+
+@pytest.fixture(scope="session")
+def axe(tmp_path_factory: pytest.TempPathFactory) -> str:
+    try:
+        return fetch_axe(tmp_path_factory.mktemp("axe"))
+    except (OSError, subprocess.SubprocessError) as error:
+        pytest.skip(f"needs {AXE} from npm ({error})")
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from actin_xcheck.studies.side_by_side import side_by_side
 from actin_xcheck.studies.study import Report, answered, write_report
 from tests.studies import carry
 from tests.test_dashboard import write_nights
+from tests.test_judge import files, judged
 from tests.test_predict_report import chapters, exhibits
 from tests.test_report import write_comparison_of_everything
 
@@ -66,6 +67,12 @@ def _side_by_side(folder, monkeypatch):
     return write_page(folder / "compare.h5")
 
 
+def _judge(folder, monkeypatch):
+    report, _ = judged(files(folder, 0.1, 0.05, 0.025), within=1e-3)
+    write_report(folder / "judge.h5", "judge", report, "a command")
+    return write_page(folder / "judge.h5")
+
+
 def _lopsided() -> tuple[Exhibit, ...]:
     """Plots whose numbers lie where labels are long or few: tiny, close together, in one decade or many."""
     x = np.linspace(1, 2, 9)
@@ -93,5 +100,6 @@ KINDS = {
     "predict": _predictions,
     "sweep": _sweep,
     "side by side": _side_by_side,
+    "judge": _judge,
 }
 """By name: makers of pages, in a folder; None where the page is the folder's `index.html`."""

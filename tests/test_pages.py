@@ -18,12 +18,23 @@ from actin_xcheck.report.lattice import colour_of
 from actin_xcheck.report.page import environment
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.frontier.answers import AnswerKind
-from tests.browser import SEEN, complaints, lab, linear, pale, unreadable
+from tests.browser import SEEN, complaints, lab, linear, pale, unreadable, violations
 from tests.picture import PICTURE, WIDTH, take
 
 anchor = environment(Path()).filters["anchor"]
 
-QUICK = ("closures", "faults", "night", "dashboard", "paper", "predict", "random", "side by side", "sweep")
+QUICK = (
+    "closures",
+    "faults",
+    "night",
+    "dashboard",
+    "paper",
+    "judge",
+    "predict",
+    "random",
+    "side by side",
+    "sweep",
+)
 PAPER = 718
 """CSS pixels of A4 between margins of 10 mm."""
 SLOW = ("compare", "curves", "chart", "frontier", "converge", "distort", "extremes")
@@ -47,6 +58,16 @@ def test_everything_on_a_page_can_be_read(tab: Page, page_of: Callable[[str], Pa
         "[...document.querySelectorAll('nav, .copy, .save, .anchor')].every(one => !one.checkVisibility())"
     )
     assert unreadable(tab) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [*QUICK, *SLOW])
+def test_no_page_shuts_anybody_out(tab: Page, page_of: Callable[[str], Path], axe: str, kind: str) -> None:
+    assert complaints(tab, page_of(kind)) == []
+    tab.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+    for theme in ("light", "dark"):
+        tab.emulate_media(color_scheme=theme)
+        assert violations(tab, axe) == []
 
 
 @pytest.mark.slow
@@ -170,6 +191,14 @@ def test_what_cannot_be_read_is_noticed(tab: Page, tmp_path: Path, page: str, sa
     complaints(tab, path)
     found = unreadable(tab)
     assert [one for one in found if said in one] if said else found == []
+
+
+def test_what_shuts_somebody_out_is_noticed(tab: Page, tmp_path: Path, axe: str) -> None:
+    (tmp_path / "page.html").write_text("<!doctype html><title>t</title><img src='data:,'><input>")
+    complaints(tab, tmp_path / "page.html")
+    found = " ".join(violations(tab, axe))
+    for fault in ("image-alt", "label", "html-has-lang"):
+        assert f"{fault}: <" in found
 
 
 # colours
