@@ -152,6 +152,11 @@ class ForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.space.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
+    def intact(self, t: float, x: Array) -> Outcome:
+        """Whether the pressure exists in all cells where a step has led, at x (2, N)."""
+        _, dilation = self.space.inside.at(x).strain(self.displacement(x))
+        return self.model.dilated(t, dilation.min(axis=0), self._place)
+
     def _rates(self, x: Array, system: _System, about: Array | None = None) -> tuple[Array, _Gauge, Outcome]:
         gauge = self._balanced(x, system.load)
         constraint, weights = self.constraint, self.constraint.weights(x)

@@ -220,7 +220,10 @@ class FemImex:
         x = self.mechanics.settle(old.x + dt * np.tensordot(pair.b, velocities, 1))
         content = old.content + dt * pair.b @ rates
         carried = old.carried + dt * sum(w * s.move.carried for w, s in zip(pair.b, stages, strict=True))
-        if not (outcome := orientation(self.space, old.t + dt, x)).ok:
+        outcome = orientation(self.space, old.t + dt, x)
+        if outcome.ok and isinstance(self.mechanics, ForceBalance):  # what the next step would begin with
+            outcome = self.mechanics.intact(old.t + dt, x)
+        if not outcome.ok:
             return old, outcome
         matrices = TransportMatrices(self.space, x)
         # the last stage's a is at the new time, if not of the whole order

@@ -22,6 +22,7 @@ from typing import Self
 import numpy as np
 
 from actin_xcheck.core.contract import NOTHING, Move
+from actin_xcheck.core.errors import Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
@@ -205,6 +206,14 @@ class FvForceBalance:
             jump=-normal_derivative(across / length, area[:, ring] / length, moduli),
             dilation=np.minimum(dilation, self._least(phi)),
         )
+
+    def intact(self, t: float, x: Array) -> Outcome:
+        """Whether the pressure exists in all cells where a step has led, at x (2, N)."""
+        return self.model.dilated(t, self.dilation(x), self._place)
+
+    def dilation(self, x: Array) -> Array:
+        """That of the cells with vertices at x (2, N), (n_cells,)."""
+        return divergence(_gradients(x, self.mesh, self.displacement(x)))
 
     def _at_places(self, nodal: Array) -> Array:
         """Means (2, n_places) over the cells and the boundary's faces of vertex values (2, N)."""

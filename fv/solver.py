@@ -265,6 +265,8 @@ class FvSecondOrder(FvDiamond):
                 solutions.append(solution)
             if not outcome.ok:
                 return here, outcome
+        if isinstance(self.mechanics, FvForceBalance):  # what the next step would begin with
+            outcome = self.mechanics.intact(here.t, here.x)
         here = replace(here, history=state.history.extended(times, _at_places(rates)))
         return self._concluded(state, here, dt, rates, solutions), outcome
 

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.mesh import disk
-from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.runs.march import March
+from actin_xcheck.runs.method import METHODS
+from actin_xcheck.runs.numerics import Numerics
+from actin_xcheck.runs.run import bind
+from actin_xcheck.scene.draw import drawn, written
+from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies.extremes import agreement, breakdowns, extremes
 from actin_xcheck.studies.extremes.attempt import (
@@ -61,6 +66,18 @@ def test_the_breakdown_is_the_root_between_the_last_states():
     assert approach.breakdown == pytest.approx(2.0)
     approach.rows[-1] = (1.5, -0.2)  # a step may end just behind it
     assert approach.breakdown == pytest.approx(1.25)
+
+
+@pytest.mark.slow
+def test_a_step_may_not_end_where_there_is_no_pressure():
+    """A cell comes to 1 + phi = 0.005 and stays there: long steps land behind zero, shorter ones do not."""
+    scene = parse_scene(written(drawn(20290117, 312)), "close.toml")
+    numerics = Numerics(METHODS["fv"], 4, scene.time.end / 16, 1e-4)
+    solver = bind(scene, numerics)
+    march = March(solver, numerics, scene.output_times)
+    least = min(1 + solver.mechanics.dilation(moment.state.x).min() for moment in march)
+    assert march.outcome.ok, march.outcome
+    assert 0 < least < 0.02
 
 
 @pytest.mark.slow

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.claim import ClaimKind
+from actin_xcheck.runs.accuracy import fitted_rate
 from actin_xcheck.runs.fidelity import Fidelity, reduced
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import read_run
+from actin_xcheck.scene.draw import drawn, written
 from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.scene.shelf import scene_text
 from actin_xcheck.studies.compare import companions, jobs_of, read_comparison
@@ -367,6 +369,23 @@ def test_the_rate_of_an_exact_mode_is_linear_to_its_amplitude(tmp_path):
     assert np.all(errors < known_to)
     assert np.all(errors > known_to / 100)
     assert errors[1] / errors[0] == pytest.approx(10, rel=0.1)
+
+
+def test_a_pair_that_hardly_turns_has_no_frequency(tmp_path):
+    """Coarse runs of 0.16 radians fit two real rates: 0 is no frequency, however often found."""
+    scene, runs = parse_scene(written(drawn(20290117, 307)), "pair.toml"), []
+    assert known(scene, "growth_rate", 0.0).values[1] * scene.time.end < 0.2
+    for refine in (3, 2):
+        run(scene, Numerics(METHODS["fv"], refine, scene.time.end / 8), path := tmp_path / f"{refine}.vtkhdf")
+        runs.append(read_run(path))
+        assert fitted_rate(scene, runs[-1]).imag == 0
+    levels = Levels(METHODS["fv"], tuple(runs))
+    values, spread, how, _ = estimate(scene, levels, "growth_rate", scene.time.end)
+    assert np.isnan([*values, spread]).all()
+    assert how == "no uncertainty, for no such exponentials fit the run"
+    ratio, sentence = verdict([Corner("FEM", 3.8, 0.1, ""), Corner("FV", values[1], spread, how)])
+    assert np.isnan(ratio)
+    assert "FV none: not judged, FV has no uncertainty" in sentence
 
 
 def test_what_linear_modes_leave_out_is_part_of_their_uncertainty(tmp_path):

@@ -232,7 +232,7 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
             break
         found = _measure(scene, run, quantity, t)
         if not np.isfinite(found).all():
-            why = "no exponentials fit the run" if not values else "none fit a coarser run"
+            why = "no such exponentials fit the run" if not values else "none fit a coarser run"
             break
         values.append(found)
     if len(values) < 2:
@@ -305,11 +305,16 @@ def _measure(scene: Scene, run: Run, quantity: str, t: float) -> Array:
 
 
 def _rate(scene: Scene, run: Run) -> Array:
-    """The fitted growth rate, and frequency where theory has one; nan where no exponentials fit."""
+    """The fitted growth rate, and frequency where theory has one.
+
+    They are nan where no exponentials fit, and where two real ones fit what theory says is a pair: a window
+    in which it hardly turns tells neither, and 0 is no estimate of a frequency, however often it is found.
+    """
     theory = known(scene, "growth_rate", 0.0)
     assert theory is not None
-    rate = fitted_rate(scene, run)
-    return rate_parts(rate, len(theory.values) > 1) if rate == rate else np.full(len(theory.values), np.nan)
+    rate, oscillates = fitted_rate(scene, run), len(theory.values) > 1
+    seen = rate == rate and not (oscillates and rate.imag == 0)
+    return rate_parts(rate, oscillates) if seen else np.full(len(theory.values), np.nan)
 
 
 def reaches(run: Run, t: float) -> bool:
@@ -395,6 +400,8 @@ def in_words(corner: Corner, known_to: float) -> str:
 
 def in_digits(corner: Corner, known_to: float) -> str:
     """Value and uncertainty, as far as two digits go of what it is known to; six where that is nan."""
+    if np.isnan(corner.value):
+        return "none"
     digits = 6 if np.isnan(known_to) else min(max(1 - int(np.floor(np.log10(known_to))), 0), 10)
     said = f"{round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
     return f"{said} ± {corner.uncertainty:.{digits}f}" if 0.5 * 10**-digits < corner.uncertainty else said
