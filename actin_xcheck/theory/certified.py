@@ -21,9 +21,6 @@ from actin_xcheck.core.model import Closure, Model, Rheology
 from actin_xcheck.theory.dispersion import active_slope, stiffness
 from actin_xcheck.theory.exact import DiskModes
 
-DIGITS = 12
-"""Of each rate, that its enclosure guarantees."""
-
 _BITS = 128
 _SMALLEST = 1e-13
 """Of a piece of a contour: a mode may lie on it."""
@@ -37,7 +34,7 @@ class Certified:
     ----------
     m : angular number.
     rate : the middle of the ball.
-    radius : of the ball, so that the rate is known to `DIGITS` digits at least.
+    radius : of the ball, so that the rate is known to 12 digits at least.
     """
 
     m: int
