@@ -21,6 +21,7 @@ from mkdocs.structure.files import File
 
 from actin_xcheck.cli.output import schemas
 from actin_xcheck.runs.method import METHODS
+from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.theory.errata import errata
 
 PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
@@ -114,6 +115,24 @@ def _type(one: dict[str, Any]) -> str:
     return str(one["type"])
 
 
+PROBLEMS = (
+    *("static-decay", "growing-disk", "fig12-mixed-31-02-21", "fig14-four-fronts"),
+    *("fig16-uniform-expansion", "fig17-uniform-contraction", "tense-cell", "lopsided-cell"),
+)
+"""Those of the open benchmark, in its order."""
+
+COLUMNS = ("time", "area", "total_actin", "centroid_x", "centroid_y")
+
+
+def _templates() -> str:
+    """A file to be filled in for each problem, with a row for every time at which numbers are compared."""
+    parts = []
+    for name in PROBLEMS:
+        rows = (f"{time:.10g}{',' * (len(COLUMNS) - 1)}" for time in load_scene(name).output_times)
+        parts.append("\n".join((f'```csv title="{name}.csv"', ",".join(COLUMNS), *rows, "```")))
+    return "\n\n".join(parts)
+
+
 FLOORS = {
     "actin_xcheck.__main__": "starts the command, with nothing from its surroundings",
     "actin_xcheck.cli": "the commands: options, what is said, exit codes",
@@ -184,6 +203,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "methods": _methods,
     "answers": _answers,
     "floors": _floors,
+    "templates": _templates,
 }
 
 

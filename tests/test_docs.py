@@ -267,6 +267,10 @@ def test_the_site_is_whole_and_needs_no_network(site):
         )
     for method in METHODS.values():
         assert method.description in site.methods
+    problems = re.findall(r"(?m)^\| `([\w-]+)` \|", page("benchmark"))
+    assert len(problems) == 8
+    templates = re.findall(r'class="filename">([\w-]+)\.csv<', site.benchmark)
+    assert templates == problems
 
 
 @pytest.mark.slow

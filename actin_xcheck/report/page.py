@@ -186,7 +186,7 @@ def write_underway(
     lead += f"{datetime.now():%H:%M:%S}. Where that is long ago, the command has ended: {ENDED}"
     text = environment(folder).get_template("underway.html").render(
         name=name,
-        parts=[("claims", "Claims")] if claims else [],
+        parts=[*[("claims", "Claims")][: len(claims)], *((key, key) for key in tables)],
         score="",
         title=f"{part:.0%} done{known if math.isfinite(left) else ''}",
         lead=lead,
