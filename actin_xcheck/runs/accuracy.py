@@ -37,7 +37,7 @@ SHARE = 0.6
 BOTH = 0.5
 """The same where cells have been halved for a degree less, or two."""
 
-LEAST, TIMES = 0.15, 2.0
+LEAST, TIMES = 0.2, 2.0
 """Of the last change, the part that is left at least; times what a run's polynomials say that is left."""
 
 
