@@ -19,6 +19,7 @@ from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.accurate import Climbed, StatedError, accurate
 from actin_xcheck.studies.compare import compare_to, read_comparison
+from actin_xcheck.studies.coverage import drawn
 from actin_xcheck.studies.stored import Ran
 from actin_xcheck.theory.eigenfields import growth_rate
 from actin_xcheck.verdicts.known import known, reference_errors
@@ -173,6 +174,18 @@ def test_an_estimate_keeps_above_the_error_where_waves_are_hardly_resolved(tmp_p
     assert run(growing, Numerics(METHODS["fem-p4-imex4"], 3, 1.0, 1e-5), fine).ok  # good to 6e-4
     error = change(read_run(tmp_path / "run.vtkhdf"), read_run(fine), growing.output_times)
     assert error <= reached.estimate <= 3e-2
+
+
+@pytest.mark.slow
+def test_a_lower_degree_on_half_the_width_need_be_no_better(tmp_path):
+    """P7, and P6 on cells of half the width, err by 1.8e-6 both where data start against (2.1f)."""
+    scene = drawn(5551212, 4)[3]
+    better = tmp_path / "better.vtkhdf"
+    assert run(scene, Numerics(METHODS["fem-p8-imex5"], 2, scene.time.end, 1e-6), better).ok  # good to 4e-8
+    for asked in (1e-5, 1e-6):
+        reached = deliver(scene, asked, tmp_path / "run.vtkhdf", "")
+        error = change(read_run(tmp_path / "run.vtkhdf"), read_run(better), scene.output_times)
+        assert error < reached.estimate <= asked
 
 
 def test_no_level_is_much_larger_than_the_one_before():

@@ -15,6 +15,7 @@ import math
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -96,6 +97,9 @@ it is not measured but follows from one that was.  The power of the number of st
 MORE = 1.25
 """Times as many steps: with fewer a change says nothing, as where output times cut all steps short."""
 
+FAR = 3.0
+"""Times the accuracy asked for, an estimate at which a lower degree on smaller cells will not do either."""
+
 LOWEST = 5
 """The least degree of which two parts tell how they fall: the constant and the slope are the scene's own."""
 
@@ -168,7 +172,8 @@ def deliver(
             outcome = run(scene, numerics, file, command, progress, passing=passing, pictures=pictures)
             return outcome, read_run(file)
 
-        reached = _Climb(scene, accuracy, beside, reduction, solve).to_the_finest_needed(levels)
+        climb = _Climb(scene, accuracy, beside, reduction, solve)
+        reached = climb.to_the_finest_needed(_that_serve(levels, accuracy))
         annotate(beside, {"accuracy": accuracy, "error_estimate": reached.estimate})
         publish(beside, path)
     if reached.outcome.ok and not reached.estimate <= accuracy:
@@ -211,7 +216,10 @@ class _Climb:
         """Run levels until one is accurate enough, or two fail alike; the run of the last is left."""
         before: Run | None = None
         failed: Run | None = None
+        estimate = math.nan
         for level in levels:
+            if before and level.method.space < before.order and estimate > FAR * self.accuracy:
+                continue
             # the first one to stand is never the last
             name = self.path.name if before or failed else COARSE
             reached = replace(level, rtol=self.rtol)
@@ -259,8 +267,10 @@ class _Climb:
 
     def _share(self, level: AccuracyLevel, before: Run, now: Run) -> float:
         """Of the change to a level, the part that is its own error."""
-        if now.order < LOWEST or now.order < before.order - 1:  # the ray's; or less may be gained than lost
+        if now.order < LOWEST:  # of the ray's
             return level.share
+        if now.order < before.order:  # halving cells may gain less than a lower degree loses
+            return 1.0
         return min(level.share, max(LEAST, TIMES * _left(now)))
 
     def _change(self, coarse: Run, fine: Run) -> float:
@@ -280,10 +290,21 @@ def levels_of(scene: Scene, wanted: Wanted) -> list[Numerics]:
     assert wanted.accuracy is not None
     enough = next((n for n, one in enumerate(LEVELS[1:], 1) if one.worth <= wanted.accuracy), len(LEVELS) - 1)
     rtol = _loosest(wanted.accuracy)
-    runs = [(LEVELS[0], rtol), (LEVELS[0], _finer(rtol)), *((one, rtol) for one in LEVELS[1 : enough + 1])]
+    first, *others = _that_serve(LEVELS[: enough + 1], wanted.accuracy)
+    runs = [(first, rtol), (first, _finer(rtol)), *((one, rtol) for one in others)]
     level = replace(wanted, dt=scene.time.end, accuracy=None)
     return [
         replace(level, method=one.method.name, refine=one.refine, rtol=rtol).on(scene) for one, rtol in runs
+    ]
+
+
+def _that_serve(levels: Sequence[AccuracyLevel], accuracy: float) -> list[AccuracyLevel]:
+    """All but those that cannot be the last and that cells of a lower degree follow, which say too little."""
+    followed = [after.method.space < one.method.space for one, after in pairwise(levels)]
+    return [
+        one
+        for one, lower in zip(levels, [*followed, False], strict=True)
+        if one is levels[0] or one.worth <= accuracy or not lower
     ]
 
 
