@@ -34,7 +34,7 @@ from actin_xcheck.studies.chart.measure import (
     published,
 )
 from actin_xcheck.studies.chart.plots import SIGNS, WORKS, Chart, chapter_of, row_of
-from actin_xcheck.studies.chart.truth import ChartedQuantity, Standing, advise, errors_of, front, truth_of
+from actin_xcheck.studies.chart.truth import ChartedQuantity, PointKind, advise, errors_of, front, truth_of
 from actin_xcheck.verdicts.known import l2_error
 from tests.lab import FEM, FV, scene_of
 from tests.small import CHARTED
@@ -311,7 +311,7 @@ def test_a_run_that_fails_stands_on_the_rail():
     )
     points = [Numerics(METHODS[FEM], 2, dt) for dt in (0.005, 0.001)]
     found = of_points(parse_scene(text, "steep.toml"), points)
-    failed = [row for row in found.rows if row.standing is Standing.FAILED]
+    failed = [row for row in found.rows if row.standing is PointKind.FAILED]
     assert [(row.dt, row.ending) for row in failed] == [(0.005, "tangled")]
     assert np.isnan(failed[0].error_a)
     (rail,) = (line for line in lines_of(found) if line.rail)
@@ -332,7 +332,7 @@ def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that():
     (row,) = wrong.rows
     assert row.ending == "completed"
     assert row.error_a > 0.05
-    assert row.standing is Standing.SILENT
+    assert row.standing is PointKind.SILENT
     (line,) = (line for line in lines_of(wrong, AREA) if line.said)
     assert line.red
     assert line.shape == "circle-open"
@@ -340,7 +340,7 @@ def test_what_is_wrong_or_below_the_references_own_error_is_drawn_as_that():
     same = of_points(scene, [Numerics(METHODS[IMEX], 2, end, 2e-4)], reference)
     (row,) = same.rows  # nearly the reference itself
     assert 0 < row.error_a <= same.known[A].floor
-    assert row.standing is Standing.BELOW
+    assert row.standing is PointKind.BELOW
     assert [line.shape for line in lines_of(same) if line.said] == ["circle-open"]
     assert [line.shape for line in lines_of(same, AREA) if line.said] == ["circle"]
     assert not any(line.steps for line in lines_of(same))  # no front

@@ -72,8 +72,7 @@ def nightly_command(
 
     if listed:
         print_names(item.name for item in suite())
-    patterns, again = tuple(only or ()), command()
-    wish = Wish(out_dir, budget, fault or "", baseline or "", patterns, failed, resume, again)
+    wish = Wish(out_dir, budget, fault or "", baseline or "", tuple(only or ()), failed, resume, command())
     if dry_run:
         count, seconds, fit = cost(wish, suite(), workers := jobs_asked(jobs, scheduler))
         by = f"{workers} processes" + (f"; {fit} of them fit" if fit < count else "")

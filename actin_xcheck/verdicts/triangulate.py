@@ -211,9 +211,6 @@ def _third(theory: Known, i: int) -> Corner:
     return Corner(theory.origin, float(theory.values[i]), theory.uncertainty, how)
 
 
-# a code's number and its uncertainty
-
-
 def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Array, float, str, float]:
     """Values (k,) of the run as asked for, their one uncertainty, how it came about, and the observed order.
 
@@ -305,16 +302,14 @@ def _measure(scene: Scene, run: Run, quantity: str, t: float) -> Array:
 
 
 def _rate(scene: Scene, run: Run) -> Array:
-    """The fitted growth rate, and frequency where theory has one.
+    """The fitted growth rate, and frequency where theory has one; nan where no such exponentials fit.
 
-    They are nan where no exponentials fit, and where two real ones fit what theory says is a pair: a window
-    in which it hardly turns tells neither, and 0 is no estimate of a frequency, however often it is found.
+    In a window in which a pair hardly turns two real ones may: 0 is then no estimate of a frequency.
     """
     theory = known(scene, "growth_rate", 0.0)
     assert theory is not None
     rate, oscillates = fitted_rate(scene, run), len(theory.values) > 1
-    seen = rate == rate and not (oscillates and rate.imag == 0)
-    return rate_parts(rate, oscillates) if seen else np.full(len(theory.values), np.nan)
+    return rate_parts(complex(np.nan, np.nan) if oscillates and rate.imag == 0 else rate, oscillates)
 
 
 def reaches(run: Run, t: float) -> bool:
@@ -325,9 +320,6 @@ def reaches(run: Run, t: float) -> bool:
 def _ending(run: Run) -> str:
     stated, t = run.attributes, run.series["time"][-1]
     return f"{stated['method_name']} at refine {stated['refine']} ended at t = {t:.4g}: {stated['outcome']}"
-
-
-# the verdict
 
 
 def verdict(corners: Sequence[Corner], ended: str = "") -> tuple[float, str]:
@@ -400,8 +392,7 @@ def in_words(corner: Corner, known_to: float) -> str:
 
 def in_digits(corner: Corner, known_to: float) -> str:
     """Value and uncertainty, as far as two digits go of what it is known to; six where that is nan."""
-    if np.isnan(corner.value):
-        return "none"
     digits = 6 if np.isnan(known_to) else min(max(1 - int(np.floor(np.log10(known_to))), 0), 10)
-    said = f"{round(corner.value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus zero
+    there = np.isfinite(corner.value)
+    said = f"{round(corner.value, digits) + 0.0:.{digits}f}" if there else "none"  # + 0.0: no minus zero
     return f"{said} ± {corner.uncertainty:.{digits}f}" if 0.5 * 10**-digits < corner.uncertainty else said

@@ -18,7 +18,7 @@ from actin_xcheck.studies.chart.truth import (
     ChartedQuantity,
     ChartTruth,
     KnownError,
-    Standing,
+    PointKind,
     advise,
     errors_of,
     front,
@@ -47,7 +47,7 @@ class ChartRow:
     Attributes
     ----------
     method, refine, dt, rtol, fidelity, numerics : what was run, and in words; rtol is nan for equal steps.
-    standing : what it is in the chart of the concentration, see `Standing`.
+    standing : what it is in the chart of the concentration, see `PointKind`.
     ending, message : of its Outcome.
     error_a, error_area, error_probes : by `Quantity`; nan where it failed or nothing is known.
     wall, cpu : median seconds of the repetitions, with the least and the most of them.
@@ -64,7 +64,7 @@ class ChartRow:
     rtol: float
     fidelity: str
     numerics: str
-    standing: Standing
+    standing: PointKind
     ending: str
     message: str
     error_a: float
@@ -131,7 +131,7 @@ class Chart:
         """Those of which anything is known."""
         return [quantity for quantity, known in self.known.items() if np.isfinite(known.floor)]
 
-    def standing(self, row: ChartRow, quantity: ChartedQuantity) -> Standing:
+    def standing(self, row: ChartRow, quantity: ChartedQuantity) -> PointKind:
         """What a run is in the chart of a quantity."""
         errors = {one: getattr(row, f"error_{one}") for one in ChartedQuantity}
         return standing(row.sample.answer, errors, quantity, self.known)
@@ -139,7 +139,7 @@ class Chart:
     def judged(self, quantity: ChartedQuantity) -> Array:
         """The errors that mean something, in the order of the rows; nan for the others."""
         return np.array([
-            getattr(row, f"error_{quantity}") if self.standing(row, quantity) is Standing.JUDGED else np.nan
+            getattr(row, f"error_{quantity}") if self.standing(row, quantity) is PointKind.JUDGED else np.nan
             for row in self.rows
         ])  # fmt: skip
 
@@ -192,7 +192,7 @@ def _plot(chart: Chart, work: Work, quantity: ChartedQuantity) -> Plot:
     for style, method in enumerate(methods):
         own = [i for i, row in enumerate(chart.rows) if row.method == method]
         edge = [own[i] for i in front(x[own], judged[own])]
-        lines.append(Line("", x[edge], judged[edge], style=style, shape=_shape(method, Standing.JUDGED)))
+        lines.append(Line("", x[edge], judged[edge], style=style, shape=_shape(method, PointKind.JUDGED)))
         lines += _marked(chart, work, quantity, own, style)
     if kept := front(x, judged):
         stairs = np.append(x[kept], 1.5 * x.max()), np.append(judged[kept], judged[kept[-1]])
@@ -223,12 +223,12 @@ def _marked(
     chart: Chart, work: Work, quantity: ChartedQuantity, own: Sequence[int], style: int
 ) -> list[Line]:
     """The points of a method, those that are alike together: judged, not judged, wrong, failed, and how."""
-    alike: dict[tuple[Standing, str], list[ChartRow]] = {}
+    alike: dict[tuple[PointKind, str], list[ChartRow]] = {}
     for row in (chart.rows[number] for number in own):
         kind = chart.standing(row, quantity)
-        alike.setdefault((kind, row.ending if kind is Standing.FAILED else ""), []).append(row)
+        alike.setdefault((kind, row.ending if kind is PointKind.FAILED else ""), []).append(row)
     lines: list[Line] = []
-    for (kind, ending), rows in sorted(alike.items(), key=lambda one: one[0][0] is Standing.FAILED):
+    for (kind, ending), rows in sorted(alike.items(), key=lambda one: one[0][0] is PointKind.FAILED):
         y = np.array([getattr(row, f"error_{quantity}") for row in rows])
         values = [work.values(row.sample) for row in rows]
         spread = np.array([np.ptp(one) / 2 for one in values])
@@ -242,8 +242,8 @@ def _marked(
                 points=True,
                 style=style,
                 shape=SIGNS[Ending(ending)] if ending else _shape(rows[0].method, kind),
-                red=kind is Standing.SILENT,
-                rail=kind is Standing.FAILED,
+                red=kind is PointKind.SILENT,
+                rail=kind is PointKind.FAILED,
                 said=tuple(_said(chart, row, quantity) for row in rows),
                 x_spread=spread if spread.any() and not ending else None,
             )
@@ -251,19 +251,19 @@ def _marked(
     return lines
 
 
-def _shape(method: str, kind: Standing) -> str:
+def _shape(method: str, kind: PointKind) -> str:
     family = METHODS[method].family if method in METHODS else ""
-    return f"{SHAPES.get(family, 'triangle-up')}{'' if kind is Standing.JUDGED else '-open'}"
+    return f"{SHAPES.get(family, 'triangle-up')}{'' if kind is PointKind.JUDGED else '-open'}"
 
 
 def _said(chart: Chart, row: ChartRow, quantity: ChartedQuantity) -> str:
     """What is read when the pointer rests on a point."""
     kind = chart.standing(row, quantity)
-    if kind is Standing.FAILED:
+    if kind is PointKind.FAILED:
         what = f"failed: {row.ending.replace('_', ' ')}: {row.message}"
     else:
         what = f"error {getattr(row, f'error_{quantity}'):.2g}"
-        what += "" if kind is Standing.JUDGED else f", {kind}"
+        what += "" if kind is PointKind.JUDGED else f", {kind}"
     spread = f" ({row.wall_least:.3g} to {row.wall_most:.3g})" if len(row.sample.wall) > 1 else ""
     return "\n".join((
         f"{row.method}, {row.numerics}",

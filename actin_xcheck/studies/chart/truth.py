@@ -151,7 +151,7 @@ def _largest(differences: Array) -> float:
     return float(sizes.max()) if sizes.size else np.nan
 
 
-class Standing(StrEnum):
+class PointKind(StrEnum):
     """What a point is in a chart of one quantity."""
 
     JUDGED = "judged"
@@ -172,16 +172,16 @@ def standing(
     errors: Mapping[ChartedQuantity, float],
     quantity: ChartedQuantity,
     known: Mapping[ChartedQuantity, KnownError],
-) -> Standing:
+) -> PointKind:
     """Return what a run is in the chart of a quantity."""
     error, floor = errors[quantity], known[quantity].floor
     if answer.ending != "completed":
-        return Standing.FAILED
+        return PointKind.FAILED
     if errors[ChartedQuantity.CONCENTRATION] > WRONG:
-        return Standing.SILENT
+        return PointKind.SILENT
     if not np.isfinite(error):
-        return Standing.UNKNOWN
-    return Standing.BELOW if error <= floor else Standing.JUDGED
+        return PointKind.UNKNOWN
+    return PointKind.BELOW if error <= floor else PointKind.JUDGED
 
 
 TARGETS = tuple(10.0**-k for k in range(2, 13))
