@@ -57,7 +57,7 @@ def climb_of(runs, accuracy):
     scene = SimpleNamespace(expect=SimpleNamespace(growth_rate=None), initial=SimpleNamespace(eigenmode=None))
     scene.output_times = [1.0]
     return accurately._Climb(
-        scene, accuracy, None, Reduction(), lambda level, rtol, name: (COMPLETED, runs[rtol])
+        scene, accuracy, None, Reduction(), lambda level, rtol, name, longest: (COMPLETED, runs[rtol])
     )
 
 
@@ -186,6 +186,15 @@ def test_a_lower_degree_on_half_the_width_need_be_no_better(tmp_path):
         reached = deliver(scene, asked, tmp_path / "run.vtkhdf", "")
         error = change(read_run(tmp_path / "run.vtkhdf"), read_run(better), scene.output_times)
         assert error < reached.estimate <= asked
+
+
+@pytest.mark.slow
+def test_no_level_makes_longer_steps_than_those_whose_error_was_measured(tmp_path):
+    """P7 would take 5 steps where P5 takes 6, and lose a digit in time of which P5 knows nothing."""
+    scene, better = drawn(777003, 4)[3], tmp_path / "better.vtkhdf"
+    assert run(scene, Numerics(METHODS["fem-p8-imex5"], 2, scene.time.end, 1e-6), better).ok
+    reached = deliver(scene, 1e-4, tmp_path / "run.vtkhdf", "")
+    assert change(read_run(tmp_path / "run.vtkhdf"), read_run(better), scene.output_times) < reached.estimate
 
 
 def test_no_level_is_much_larger_than_the_one_before():

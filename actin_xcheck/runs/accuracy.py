@@ -5,10 +5,11 @@ are measured first, on the coarsest one.  There e ~ N^-4 about in the number of 
 
     |y_N - y_N'| = (1 - (N/N')^4) e_N,    e_N' = (N/N')^4 e_N.
 
-The tolerance that was found serves all levels.  They take nearly the same steps, and what changes from one to
-the next is the error of the coarser one in space, but for the little that is left in the finer.  How little
-that is, the finer one's own polynomials tell: where their parts of degrees k - 1 and k are q of those of
-degrees k - 3 and k - 2, two more degrees have left about q of the error.
+The tolerance that was found serves all levels, whose steps are no longer than the longest there.  They are
+nearly the same, and what changes from one to the next is the error of the coarser one in space, but for the
+little that is left in the finer.  How little that is, the finer one's own polynomials tell: where their parts
+of degrees k - 1 and k are q of those of degrees k - 3 and k - 2, two more degrees have left about q of the
+error.  Of a lower degree on smaller cells they do not tell: all of the change is stated.
 """
 
 import math
@@ -165,9 +166,9 @@ def deliver(
         # a level is no answer: it stands beside until it is the last
         beside = Path(folder) / path.name
 
-        def solve(level: AccuracyLevel, rtol: float, name: str) -> tuple[Outcome, Run]:
+        def solve(level: AccuracyLevel, rtol: float, name: str, longest: float) -> tuple[Outcome, Run]:
             file = Path(folder) / name
-            numerics = Numerics(level.method, level.refine, scene.time.end, rtol, reduction)
+            numerics = Numerics(level.method, level.refine, min(longest, scene.time.end), rtol, reduction)
             passing = name != path.name
             outcome = run(scene, numerics, file, command, progress, passing=passing, pictures=pictures)
             return outcome, read_run(file)
@@ -191,7 +192,7 @@ class _Climb:
     ----------
     scene, accuracy, reduction : what is run, what for and how much of it.
     path : where the run of the last level is left.
-    solve : runs a level with a tolerance and leaves it in a file of this name beside `path`.
+    solve : runs a level with a tolerance and the longest step, and leaves it in a file beside `path`.
     """
 
     def __init__(
@@ -200,7 +201,7 @@ class _Climb:
         accuracy: float,
         path: Path,
         reduction: Reduction,
-        solve: Callable[[AccuracyLevel, float, str], tuple[Outcome, Run]],
+        solve: Callable[[AccuracyLevel, float, str, float], tuple[Outcome, Run]],
     ) -> None:
         self.scene, self.accuracy, self.path, self.solve = scene, accuracy, path, solve
         self.reduction = reduction
@@ -209,6 +210,7 @@ class _Climb:
         # a step's tolerance is relative to a = 1, a rate to how large its mode is
         size = mode.amplitude if self.measures_rate and mode else 1.0
         self.rtol, self.in_time = float(f"{size * _loosest(accuracy):.3g}"), math.nan
+        self.longest = math.inf
         self.changes: list[float] = []
         self.shares: list[float] = []
 
@@ -223,11 +225,12 @@ class _Climb:
             # the first one to stand is never the last
             name = self.path.name if before or failed else COARSE
             reached = replace(level, rtol=self.rtol)
-            outcome, now = self.solve(level, self.rtol, name)
+            outcome, now = self.solve(level, self.rtol, name, self.longest)
             estimate = math.nan
             if outcome.ok:
                 if before is None or math.isnan(self.in_time):
                     now = self._with_tolerance(level, now)
+                    self.longest = float(np.diff(now.series["time"]).max())
                 else:
                     self.changes.append(self._change(before, now))
                     self.shares.append(self._share(level, before, now))
@@ -249,7 +252,7 @@ class _Climb:
         finer = self.rtol
         while True:
             finer = _finer(finer)
-            outcome, better = self.solve(level, finer, FINE)
+            outcome, better = self.solve(level, finer, FINE, math.inf)
             if not outcome.ok:
                 return now
             fewer = len(now.series["time"]) / len(better.series["time"])
