@@ -43,7 +43,7 @@ for (const table of document.querySelectorAll("table:has(thead):not(.film *)")) 
 }
 
 // A page of what is under way is soon another one.
-const { again } = document.getElementById("main").dataset;
+const again = document.getElementById("main")?.dataset.again;
 if (again) setTimeout(() => location.reload(), 1000 * again);
 
 const wide = new ResizeObserver(seen => seen.forEach(({ target }) => target.classList.toggle("more", target.scrollWidth > target.clientWidth + 1)));
