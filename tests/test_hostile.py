@@ -41,7 +41,7 @@ def refusal(read: Callable[..., object], *given: object) -> str:
 
 @pytest.mark.slow
 def test_a_campaign_of_hostile_inputs_finds_nothing():
-    answers, grown = campaign(200, seed=11)
+    answers, grown = campaign(300, seed=11)
     assert not [answer for answer in answers if answer.problem], summary(answers, grown)
     assert grown < MEGABYTES
     # a campaign that never got past the loader, or always did, would have tried nothing
