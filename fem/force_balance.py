@@ -152,10 +152,19 @@ class ForceBalance:
         """The displacement the elastic stress and the dilation see (Remark 2.1), (2, N)."""
         return x - self.space.xi if self.model.rheology is Rheology.VISCOELASTIC else np.zeros_like(x)
 
-    def intact(self, t: float, x: Array) -> Outcome:
-        """Whether the pressure exists in all cells where a step has led, at x (2, N)."""
-        _, dilation = self.space.inside.at(x).strain(self.displacement(x))
-        return self.model.dilated(t, dilation.min(axis=0), self._place)
+    def intact(self, t: float, x: Array, carried: Array = NOTHING) -> Outcome:
+        """Whether the pressure exists where a step has led, at x (2, N) with what is carried."""
+        u, rim = self.displacement(x), self.free_rim if carried.size else None
+        _, dilation = self.space.inside.at(x).strain(u)
+        on_rim = self.space.on_rim.at(x).strain(u)[1] if rim is None else rim.dilation(x, carried)
+        return self.model.dilated(t, self._least(dilation, on_rim), self._place)
+
+    def _least(self, inside: Array, on_rim: Array) -> Array:
+        """The smallest value in each cell (n_cells,) of those at its points (q, e) and at the rim's."""
+        least: Array = inside.min(axis=0)
+        cells = self.space.rim_cells
+        least[cells] = np.minimum(least[cells], on_rim.min(axis=0))
+        return least
 
     def _rates(self, x: Array, system: _System, about: Array | None = None) -> tuple[Array, _Gauge, Outcome]:
         gauge = self._balanced(x, system.load)
@@ -206,9 +215,7 @@ class ForceBalance:
         if model.closure is Closure.IRROTATIONAL_WALL:
             rim_load -= one * np.einsum("aibje,jbe->aie", rim.friction(), u[:, space.on_rim.cells])
         load += space.rim_vectors.vector(rim_load)
-        least = dilation.min(axis=0)
-        least[space.rim_cells] = np.minimum(least[space.rim_cells], rim_dilation.min(axis=0))
-        return _System(self, x, moduli, load, least)
+        return _System(self, x, moduli, load, self._least(dilation, rim_dilation))
 
     def matrix(self, x: Array, moduli: tuple[float, float]) -> sp.csr_matrix:
         """The matrix (2 N, 2 N) of first eps(v) : eps(w) + second (div v)(div w), and the wall's friction."""

@@ -222,7 +222,7 @@ class FemImex:
         carried = old.carried + dt * sum(w * s.move.carried for w, s in zip(pair.b, stages, strict=True))
         outcome = orientation(self.space, old.t + dt, x)
         if outcome.ok and isinstance(self.mechanics, ForceBalance):  # what the next step would begin with
-            outcome = self.mechanics.intact(old.t + dt, x)
+            outcome = self.mechanics.intact(old.t + dt, x, carried)
         if not outcome.ok:
             return old, outcome
         matrices = TransportMatrices(self.space, x)

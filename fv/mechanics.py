@@ -44,7 +44,7 @@ class _Loads:
     elastic : of on_faces, sigma_e S.
     on_rim : f S outside of the boundary's faces, and the wall's friction, (2, n_boundary).
     jump : of the velocity's normal derivative across the ring's faces, (2, n_ring).
-    dilation : the smallest one of each cell, (n_cells,).
+    dilation : the smallest one that the pressure sees around each cell, (n_cells,).
     """
 
     on_faces: Array
@@ -180,16 +180,10 @@ class FvForceBalance:
         at_places = self._at_places(u)
         gradient = diamonds.gradient(at_places, u)
         elastic = traction(gradient, area, model.elastic_moduli())
-        phi = divergence(gradient)
-        if self.free_rim is not None and rim_dilation is not None:
-            phi[self.free_rim.faces] = rim_dilation
-        # both sides of a face; on the ring each side has its own gradient
-        first, second = faces.cells[0], np.where(faces.cells[1] < 0, faces.cells[0], faces.cells[1])
         own = _gradients(x, self.mesh, u)
-        dilation = divergence(own)
-        sides = np.stack([phi, phi])
-        sides[:, ring] = dilation[[first[ring], second[ring]]]
-        f = model.active_stress(a, sides, self.delta[np.stack([first, second])])
+        phi = self._seen(gradient, own, rim_dilation)
+        first, second = faces.cells[0], np.where(faces.cells[1] < 0, faces.cells[0], faces.cells[1])
+        f = model.active_stress(a, phi, self.delta[np.stack([first, second])])
         middle = diamonds.places[:, first] - x[:, faces.nodes].mean(axis=1)
         share = -(middle * area).sum(axis=0) / diamonds.reach  # of the first side in D.S; 1 on the rim
         mean = share * f[0] + (1 - share) * f[1]
@@ -202,18 +196,31 @@ class FvForceBalance:
         return _Loads(
             on_faces=mean * area + elastic,
             elastic=elastic,
-            on_rim=self._on_rim(area, a, phi, at_places[:, -faces.rim.size :]),
+            on_rim=self._on_rim(area, a, phi[0], at_places[:, -faces.rim.size :]),
             jump=-normal_derivative(across / length, area[:, ring] / length, moduli),
-            dilation=np.minimum(dilation, self._least(phi)),
+            dilation=self._least(phi),
         )
 
-    def intact(self, t: float, x: Array) -> Outcome:
-        """Whether the pressure exists in all cells where a step has led, at x (2, N)."""
-        return self.model.dilated(t, self.dilation(x), self._place)
+    def intact(self, t: float, x: Array, carried: Array = NOTHING) -> Outcome:
+        """Whether the pressure exists where a step has led, at x (2, N) with what is carried."""
+        rim, u = self.free_rim if carried.size else None, self.displacement(x)
+        gradient = Diamonds.at(self.faces, x).gradient(self._at_places(u), u)
+        rim_dilation = None if rim is None else rim.dilation(x, carried)
+        seen = self._seen(gradient, _gradients(x, self.mesh, u), rim_dilation)
+        return self.model.dilated(t, self._least(seen), self._place)
 
-    def dilation(self, x: Array) -> Array:
-        """That of the cells with vertices at x (2, N), (n_cells,)."""
-        return divergence(_gradients(x, self.mesh, self.displacement(x)))
+    def _seen(self, gradient: Array, own: Array, rim_dilation: Array | None) -> Array:
+        """The dilation (2, n_faces) that the pressure sees on both sides of faces.
+
+        It is that of the faces' gradients, but of the cells' own ones on the ring, and on the rim that known
+        better where it is, (n_rim,).
+        """
+        phi = divergence(gradient)
+        if self.free_rim is not None and rim_dilation is not None:
+            phi[self.free_rim.faces] = rim_dilation
+        seen = np.stack([phi, phi])
+        seen[:, self.ring] = divergence(own)[self.faces.cells[:, self.ring]]
+        return seen
 
     def _at_places(self, nodal: Array) -> Array:
         """Means (2, n_places) over the cells and the boundary's faces of vertex values (2, N)."""
@@ -230,9 +237,9 @@ class FvForceBalance:
             load -= model.elastic_moduli()[0] * (u * edge).sum(axis=0) / np.hypot(*s) * edge
         return np.where(self.ties.on_rim, load, 0.0)
 
-    def _least(self, phi: Array) -> Array:
-        """The smallest of the faces' values (n_faces,) around each cell."""
-        least: Array = phi[self.faces.of_cell].min(axis=0)
+    def _least(self, seen: Array) -> Array:
+        """The smallest of the faces' values (2, n_faces) around each cell."""
+        least: Array = seen.min(axis=0)[self.faces.of_cell].min(axis=0)
         return least
 
     def _kink(self, diamonds: Diamonds, x: Array, weights: Array, jump: Array) -> Array:

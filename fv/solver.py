@@ -266,7 +266,7 @@ class FvSecondOrder(FvDiamond):
             if not outcome.ok:
                 return here, outcome
         if isinstance(self.mechanics, FvForceBalance):  # what the next step would begin with
-            outcome = self.mechanics.intact(here.t, here.x)
+            outcome = self.mechanics.intact(here.t, here.x, here.carried)
         here = replace(here, history=state.history.extended(times, _at_places(rates)))
         return self._concluded(state, here, dt, rates, solutions), outcome
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from actin_xcheck.core.lagrange import least_dilation
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
@@ -18,11 +19,9 @@ from actin_xcheck.studies.extremes import agreement, breakdowns, extremes
 from actin_xcheck.studies.extremes.attempt import (
     BREAKDOWNS,
     CARRIED,
-    Approach,
     Trial,
     TrialLevel,
     attempt,
-    least_dilation,
     trials,
 )
 from actin_xcheck.studies.study import answered
@@ -60,14 +59,6 @@ def test_the_place_of_the_smallest_dilation_is_a_material_point():
     assert np.hypot(*(least_dilation(grid, x)[1] - [0.4, 0.3])) < 0.05
 
 
-def test_the_breakdown_is_the_root_between_the_last_states():
-    approach = Approach(solver=None)
-    approach.rows = [(0.0, 1.0), (1.0, 0.2), (1.5, 0.1)]
-    assert approach.breakdown == pytest.approx(2.0)
-    approach.rows[-1] = (1.5, -0.2)  # a step may end just behind it
-    assert approach.breakdown == pytest.approx(1.25)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "refine", "seed", "number"),
@@ -79,7 +70,7 @@ def test_a_step_may_not_end_where_there_is_no_pressure(method, refine, seed, num
     numerics = Numerics(METHODS[method], refine, scene.time.end / 16, 1e-4)
     solver = bind(scene, numerics)
     march = March(solver, numerics, scene.output_times)
-    ends = [solver.mechanics.intact(moment.state.t, moment.state.x) for moment in march]
+    ends = [solver.mechanics.intact(moment.state.t, moment.state.x, moment.state.carried) for moment in march]
     assert march.outcome.ok, march.outcome
     assert all(outcome.ok for outcome in ends)
 

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial.legendre import Legendre, leggauss
 
+from actin_xcheck.core.contract import Grid
 from actin_xcheck.core.mesh import Indices
 from actin_xcheck.core.model import Array
 
@@ -255,3 +256,17 @@ def _spread(node: tuple[int, ...]) -> Array:
         place[np.arange(len(node)) != i] += weight * _spread(node[:i] + node[i + 1 :])
         total += weight
     return place / total
+
+
+def least_dilation(grid: Grid, x: Array) -> tuple[float, Array]:
+    """The smallest 1 + phi on a grid whose nodes are at x (2, N), and the material point (2,) it is at.
+
+    From F = dx/dxi the dilation is phi = 2 - tr F^-1, as in the pressure (2.5).
+    """
+    points = rule(grid.order, 2 * grid.order)
+    before, now = (np.einsum("ajq,iae->ijqe", points.slopes, at[:, grid.cells]) for at in (grid.xi, x))
+    (x_r, x_s), (y_r, y_s) = now
+    adjugate = np.array([[y_s, -x_s], [-y_r, x_r]])
+    trace = np.einsum("ijqe,jiqe->qe", before, adjugate) / (x_r * y_s - x_s * y_r)
+    where = np.unravel_index(trace.argmax(), trace.shape)
+    return float(3 - trace[where]), points.blend(grid.xi, grid.cells)[:, where[0], where[1]]

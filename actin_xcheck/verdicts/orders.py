@@ -26,7 +26,8 @@ Validation in Scientific Computing, 2010, chapter 8):
 
 * Fs = 1.25 and q = p where the observed order log2(c2/c1) lies within a tenth of p and both changes go the
   same way: errors that go up and down have no order, whatever two changes say;
-* else Fs = 3 and q = the observed order, at least 1/2 and at most p; with two levels Fs = 3 and q = p;
+* else Fs = 3 and q = the observed order, at least 1/2 and at most p; with two levels Fs = 3 and q = p, but
+  1/2 where a third one gave no number: h is too large there for an order;
 * Fs = 3 wherever meshes are not similar, so that the factor of h^p differs from level to level;
 * a change smaller than order p leaves of the one before it is an accident (errors that change sign) and is
   not believed: hence the max.
@@ -305,12 +306,21 @@ def _flux_of_change(scene: Scene) -> float:
 ASYMPTOTIC, ELSEWHERE = 1.25, 3.0
 """Safety factors where the observed order confirms the declared one, and where it does not or cannot."""
 
+LOWEST = 0.5
+"""Of the orders that levels are taken to have."""
+
 CONFIRMED = 0.1
 """Of the declared order: how near the observed one must come."""
 
 
 def uncertainty(
-    values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float, steps: float = 0.0
+    values: Sequence[Array],
+    order: float,
+    ratio: float,
+    similar: bool,
+    floor: float,
+    steps: float = 0.0,
+    lacks: bool = False,
 ) -> tuple[float, str, float]:
     """The uncertainty of the first of two or three levels, how it came about, and the observed order.
 
@@ -324,19 +334,24 @@ def uncertainty(
     similar : whether meshes are similar for this quantity, so that an observed order means something.
     floor : the round-off, which is added.
     steps : the errors of the steps in time, as the method estimates them, which are added too.
+    lacks : whether a still coarser level gave no number.
     """
-    size, how, observed = _of_levels(values, order, ratio, similar, floor)
+    size, how, observed = _of_levels(values, order, ratio, similar, floor, lacks)
     return size + steps + floor, how + (f", errors of the steps {steps:.1e}" if steps else ""), observed
 
 
 def _of_levels(
-    values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float
+    values: Sequence[Array], order: float, ratio: float, similar: bool, floor: float, lacks: bool
 ) -> tuple[float, str, float]:
     """The part that levels show."""
     fine, coarse = values[:2]
     change = float(np.abs(fine - coarse).max())
     if len(values) < 3:
-        return ELSEWHERE * change / (ratio - 1), f"Fs = {ELSEWHERE:g}, two levels of order {order:g}", np.nan
+        power = LOWEST if lacks else order
+        how = (
+            f"Fs = {ELSEWHERE:g}, two levels of order {power:g}{', for a third one failed' if lacks else ''}"
+        )
+        return ELSEWHERE * change / (ratio ** (power / order) - 1), how, np.nan
     before = float(np.abs(coarse - values[2]).max())
     if max(change, before) <= floor:
         return 0.0, "round-off", np.nan
@@ -344,7 +359,7 @@ def _of_levels(
         observed = float(np.log2(before) - np.log2(change))
     goes_on = float(((fine - coarse) * (coarse - values[2])).sum()) > 0
     confirmed = similar and goes_on and abs(observed - order) <= CONFIRMED * order
-    power = order if confirmed else min(max(observed, 0.5), order)
+    power = order if confirmed else min(max(observed, LOWEST), order)
     factor = ASYMPTOTIC if confirmed else ELSEWHERE
     largest = max(change, before / 2**order)
     how = f"Fs = {factor:g}, observed order {observed:.2f} of {order:g}"

@@ -247,7 +247,8 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
     steps = _of_steps(scene, run, quantity, t) * size
     if quantity != "growth_rate":
         floor += levels.neglected * size * (2 if quantity == "area" else 1)
-    return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor, steps)
+    lacks = len(values) < len(levels.runs)
+    return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor, steps, lacks)
 
 
 def _similar(scene: Scene, runs: Sequence[Run]) -> bool:

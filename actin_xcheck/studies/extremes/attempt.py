@@ -1,7 +1,6 @@
 """One run to its end, or to the model's or the mesh's; and beside a twin as long as both go on.
 
-From F = dx/dxi the dilation is phi = 2 - tr F^-1, as in the pressure (2.5); it is read at the quadrature
-points of what a method stores of a state, the same for all methods.
+The smallest dilation is read off what a method stores of a state, the same for all methods.
 """
 
 import time
@@ -10,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.core.contract import Grid, Problem, Solver, State
+from actin_xcheck.core.contract import Problem, Solver, State
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.core.lagrange import rule
+from actin_xcheck.core.lagrange import least_dilation
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.fidelity import FULL, Fidelity, reduced
@@ -130,43 +129,6 @@ def trials() -> list[Trial]:
     return twins + carried + ended
 
 
-def least_dilation(grid: Grid, x: Array) -> tuple[float, Array]:
-    """The smallest 1 + phi on a grid whose nodes are at x (2, N), and the material point (2,) it is at."""
-    points = rule(grid.order, 2 * grid.order)
-    before, now = (np.einsum("ajq,iae->ijqe", points.slopes, nodes[:, grid.cells]) for nodes in (grid.xi, x))
-    (x_r, x_s), (y_r, y_s) = now
-    adjugate = np.array([[y_s, -x_s], [-y_r, x_r]])
-    trace = np.einsum("ijqe,jiqe->qe", before, adjugate) / (x_r * y_s - x_s * y_r)
-    where = np.unravel_index(trace.argmax(), trace.shape)
-    return float(3 - trace[where]), points.blend(grid.xi, grid.cells)[:, where[0], where[1]]
-
-
-@dataclass
-class Approach:
-    """Watches a run; rows are (t, smallest 1 + phi), `place` where it is in the last state."""
-
-    solver: Solver
-    rows: list[tuple[float, float]] = field(default_factory=list)
-    place: Array = field(default_factory=lambda: np.zeros(2))
-    residual: float = 0.0
-
-    def record(self, moment: Moment) -> None:
-        """See every state."""
-        state = moment.state
-        least, self.place = least_dilation(self.solver.grid, self.solver.frame(state).x)
-        self.rows.append((state.t, least))
-        self.residual = max(self.residual, abs(state.balance_residual))
-
-    @property
-    def breakdown(self) -> float:
-        """When 1 + phi reaches zero: the root of the line through the last two states.
-
-        Steps that pass it are rejected and shortened, so that the last ones lie close to it.
-        """
-        (t0, y0), (t1, y1) = self.rows[-2:]
-        return t1 - y1 * (t1 - t0) / (y1 - y0)
-
-
 STEPS = 40
 """No step is longer than this part of the time."""
 
@@ -179,7 +141,7 @@ class Attempt:
     ----------
     scene, rheology, psi, method, refine, rtol, remesh, command : what was run.
     outcome, message, t : how it ended, and when.
-    breakdown : when 1 + phi reaches zero; nan where it does not.
+    breakdown : when 1 + phi reaches zero, which ever shorter steps lead to; nan where it does not.
     place : material point (2,) where 1 + phi is smallest at the end.
     dilation : the smallest 1 + phi at the end.
     steps, residual : taken, and the largest balance residual of them.
@@ -227,19 +189,29 @@ class Attempt:
 
 
 @dataclass
-class _Watch(Approach):
-    """An `Approach` that sees the cells' shapes too, and takes the twin's steps."""
+class _Watch:
+    """Sees every state of a run, its cells' shapes too, and takes the twin's steps.
 
+    `dilation` is the smallest 1 + phi of the last state, `place` where it is.
+    """
+
+    solver: Solver
     twin: Solver | None = None
     beside: State | None = None
+    states: int = 0
+    dilation: float = np.nan
+    place: Array = field(default_factory=lambda: np.zeros(2))
+    residual: float = 0.0
     shape: float = np.nan
     worn: float = np.nan
     apart: list[tuple[float, float]] = field(default_factory=list)
 
     def record(self, moment: Moment) -> None:
-        """See every state."""
-        super().record(moment)
+        """See a state."""
         state = moment.state
+        self.states += 1
+        self.dilation, self.place = least_dilation(self.solver.grid, self.solver.frame(state).x)
+        self.residual = max(self.residual, abs(state.balance_residual))
         space = getattr(getattr(self.solver, "inner", self.solver), "space", None)
         if space is not None:
             self.shape = float(np.fmin(self.shape, load(SHAPES)(space, state.x).min()))
@@ -292,9 +264,8 @@ def attempt(trial: Trial, folder: Path) -> Attempt:
         outcome=str(outcome.ending),
         message=outcome.message,
         t=last.t,
-        breakdown=watch.breakdown if broke else np.nan,
-        dilation=watch.rows[-1][1],
-        steps=len(watch.rows) - 1,
+        breakdown=last.t if broke else np.nan,
+        steps=watch.states - 1,
         remeshings=getattr(last, "remeshings", 0),
         area_change=getattr(last, "area_change", 0.0),
         times=times,
