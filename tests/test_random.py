@@ -76,6 +76,15 @@ def test_the_codes_agree_on_scenes_that_nobody_chose(number: int, tmp_path: Path
 
 
 @pytest.mark.slow
+def test_a_cell_is_left_before_its_pressure_all_but_breaks_down():
+    """From t = 0.0466 on it is a few 1e-4 from 1 + phi = 0 by elements, on either side by volumes."""
+    text = draw.written(draw.drawn(20411203, 169))
+    ends = [parse_scene(one, "drawn").time.end for one in (text, random_module._lasting(text))]
+    assert ends[0] == 0.0485
+    assert 0.04 < 2 * ends[1] < 0.047
+
+
+@pytest.mark.slow
 def test_a_fault_of_one_code_is_a_miss(tmp_path: Path):
     (fault,) = find_faults(["fv-diffusivity-wrong"])
     with replaced(fault.target, fault.wrong):

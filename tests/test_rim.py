@@ -177,6 +177,16 @@ def test_a_rim_on_which_the_pressure_is_singular_ends_the_run():
     assert np.hypot(*map(float, where.groups())) > 0.85
 
 
+@pytest.mark.parametrize("method", ["fv", "fem-p3-imex4"])
+def test_a_step_may_not_end_where_the_pressure_is_singular_on_the_rim_alone(method):
+    solver = bind(scene("reference-normal", "full"), Numerics(METHODS[method], 2, 1.0))
+    x, carried = solver.init().x, solver.init().carried
+    assert solver.mechanics.intact(0.0, x, carried).ok
+    outcome = solver.mechanics.intact(0.0, x, 0.4 * carried)  # 1 + phi = 2 - 1/0.4
+    assert outcome.ending is Ending.SINGULAR_DILATION
+    assert "1 + phi = -0.5" in outcome.message
+
+
 def test_at_rest_nothing_is_stretched():
     model, mesh = Model(Parameters(2.0, 6.0), closure=Closure.TRACTION_FREE), disk(2, 0.8)
     space = Space.on(mesh, 3, 0.8)

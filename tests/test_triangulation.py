@@ -94,6 +94,15 @@ def test_two_levels_and_probes_are_trusted_less():
     assert uncertainty([values[0], values[0] + 1e-3], 2, 2, True, 0)[0] == pytest.approx(3e-3)
 
 
+def test_two_levels_have_no_order_where_a_third_one_gave_no_number():
+    """A cell that grows fast, by volumes at refine 4 and 3: at 2 it came to no end, and -0.0356 is true."""
+    values = [np.array([one]) for one in (-0.0202, -0.0322)]
+    assert uncertainty(values, 2, 4, False, 0)[0] < 0.0356 - 0.0202
+    found, how, _ = uncertainty(values, 2, 4, False, 0, lacks=True)
+    assert found == pytest.approx(3 * 0.012 / (np.sqrt(2) - 1))
+    assert "a third one failed" in how
+
+
 def test_errors_that_change_sign_are_no_small_errors():
     """Fine and coarser agree by accident, +e and +e, the coarsest has -4 e."""
     values = [np.array([3 + 1e-3]), np.array([3 + 1.001e-3]), np.array([3 - 4e-3])]
