@@ -1,5 +1,7 @@
 """`python -m actin_xcheck`: a process in which what surrounds it cannot change a run, then the command."""
 
+import atexit
+import gc
 import os
 import sys
 
@@ -33,10 +35,14 @@ def settle() -> None:
 def main() -> None:
     """Entry point."""
     settle()
+    gc.disable()  # of what is imported nothing is garbage, before the end or there
     try:
         from actin_xcheck.cli.app import main as run_command
     except KeyboardInterrupt:  # within the seconds of imports nothing has begun
         sys.exit(130)
+    gc.freeze()
+    gc.enable()
+    atexit.register(gc.freeze)
     run_command()
 
 

@@ -92,7 +92,7 @@ def _inverted(space: Space, nodes: Array, points: Array) -> tuple[Array, Array]:
         # a point of the cell has coordinates in [0, 1]: nothing is lost, and nothing runs away
         before, r = r, np.clip(r + steps / np.where(determinant == 0, 1.0, determinant), -1, 2)
         lost = (np.abs(r - 0.5) == 1.5).any(axis=0)  # held at the bounds, outside of the cell
-        if (lost | (np.abs(r - before).max(axis=0) < 1e-15)).all():
+        if (lost | (np.abs(r - before).max(axis=0) < 1e-8)).all():  # errors are squared
             break
     outside = np.maximum(np.maximum(-r, 0).max(axis=0), r.sum(axis=0) - 1)
     missed = np.hypot(*(points - np.einsum("iaq,aq->iq", nodes, element.tabulate(r)[0]))) > 1e-10

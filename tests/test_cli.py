@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import actin_xcheck
+from actin_xcheck.cli import app as commands
 from actin_xcheck.core import files as folders
 from actin_xcheck.core.files import report_folder
 from actin_xcheck.runs.executor import cores, in_turn, jobs_asked
@@ -213,6 +214,18 @@ def test_reports_of_the_same_second_have_folders_of_their_own(tmp_path, monkeypa
     assert sorted(path.name for path in (tmp_path / "reports").iterdir()) == names
     assert report_folder(Path("mine"), "compare") == Path("mine")
     assert not Path("mine").exists()  # what is asked for is checked first
+
+
+@pytest.mark.parametrize(
+    ("words", "made"),
+    [(["run", "static-decay"], 1), (["nightly"], 1), (["predict", "modes"], 22), (["chrat"], 22), ([], 22)],
+)
+def test_a_command_that_is_named_is_made_alone(words, made, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["actin_xcheck", *words])
+    asked = commands._asked_for()
+    assert len(asked.registered_commands) + len(asked.registered_groups) == made
+    assert len(commands.app.registered_commands) + len(commands.app.registered_groups) == 22
+    assert made > 1 or asked.registered_commands[0].name == words[0]
 
 
 @posix

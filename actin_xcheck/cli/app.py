@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -179,11 +180,20 @@ def _ending() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+def _asked_for() -> typer.Typer:
+    """The command that the first word names, alone: others take time to be made.  All, if it names none."""
+    named = [one for one in app.registered_commands if [one.name] == sys.argv[1:2]]
+    asked = copy(app)
+    if named:
+        asked.registered_commands, asked.registered_groups = named, []
+    return asked
+
+
 def main() -> None:
     """Entry point: turn a user's mistake into one line and exit code 2, and leave no process behind."""
     try:
         with _ending():
-            sys.exit(app(standalone_mode=False))
+            sys.exit(_asked_for()(standalone_mode=False))
     except UserError as error:
         _refuse(str(error))
     except OSError as error:  # a full disk, or a folder that cannot be written

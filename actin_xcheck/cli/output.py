@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 class Answer(BaseModel):
-    """What every command says; numbers that are not finite are null."""
+    """What every command says; numbers that are not finite are null.  Built when one is said."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True)
 
 
 class ListedScene(BaseModel):

@@ -158,10 +158,15 @@ def require_term(
 
 
 class TomlTable(BaseModel):
-    """A TOML table: no unknown keys, no conversions, no infinities, immutable."""
+    """A TOML table: no unknown keys, no conversions, no infinities, immutable; built when one is read."""
 
     model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+        defer_build=True,
     )
 
 
