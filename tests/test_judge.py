@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -12,7 +13,9 @@ from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.scene.scene import load_scene
 from actin_xcheck.studies.judge import judge
-from actin_xcheck.studies.judge.theirs import Theirs, Truth, read_theirs
+from actin_xcheck.studies.judge import truths
+from actin_xcheck.studies.judge.theirs import Theirs, read_theirs
+from actin_xcheck.studies.judge.truths import Truth, TruthAsked
 from actin_xcheck.verdicts.known import known
 
 SCENE = load_scene("growing-disk")
@@ -148,6 +151,52 @@ def test_total_actin_that_is_lost_is_noticed(tmp_path):
     assert balance.verdict == "FAIL"
 
 
+# the truth
+
+
+def test_a_truth_is_run_once_and_said_to_be_of_before(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    made = []
+    deliver = truths.deliver
+    monkeypatch.setattr(truths, "deliver", lambda *given: made.append(given) or deliver(*given))
+
+    def found(name, accuracy=1e-2):
+        (tmp_path / name).mkdir()
+        return truths.truth(TruthAsked(SCENE.text, SCENE.origin, accuracy), tmp_path / name)
+
+    first, again = found("one"), found("two")
+    assert (len(made), first.reused, again.reused) == (1, False, True)
+    assert (again.values, again.error) == (first.values, first.error)
+    runs = [next((tmp_path / name).iterdir()).read_bytes() for name in ("one", "two")]
+    assert runs[0] == runs[1]
+    assert not found("finer", 1e-3).reused  # another question
+    for kept in (tmp_path / "cache").rglob("*.vtkhdf"):
+        kept.write_bytes(kept.read_bytes()[:1000])
+    assert not found("three").reused  # what is not whole is none
+    assert len(made) == 3
+    monkeypatch.setattr(truths, "key_of", lambda *asked: "other-code")
+    assert not found("four").reused
+
+
+def test_a_cache_that_cannot_be_is_none_and_what_is_not_used_goes(tmp_path, monkeypatch):
+    kept = tmp_path / "truths" / "kept.vtkhdf"
+    (run := tmp_path / "run.vtkhdf").write_bytes(b"a run")
+    monkeypatch.setattr(truths, "KEPT", -1)
+    truths._keep(run, kept)
+    assert list(kept.parent.iterdir()) == []
+    truths._keep(run, run / "truths" / "kept.vtkhdf")  # a file where a folder should be
+    assert run.read_bytes() == b"a run"
+
+
+def test_a_truth_of_before_is_said(tmp_path):
+    study = judge(SCENE, files(tmp_path, 0.1), 0.1, np.nan, "")
+    next(study)
+    study.send([truth()])
+    with pytest.raises(StopIteration) as end:
+        study.send([replace(truth(), reused=True)])
+    assert "was not made again" in end.value.value.findings[-1]
+
+
 # meshes
 
 
@@ -240,7 +289,8 @@ def test_numbers_with_units_are_converted(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_of_ours_is_judged_as_any_other(tmp_path, command):
+def test_a_run_of_ours_is_judged_as_any_other(tmp_path, command, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert command("run static-decay --method fv --refine 3 --dt 0.02 --out r.vtkhdf --quiet").returncode == 0
     done = command("judge static-decay r.vtkhdf --within 0.02 --out j --json --quiet")
     said = json.loads(done.stdout)
@@ -252,3 +302,6 @@ def test_a_run_of_ours_is_judged_as_any_other(tmp_path, command):
     with h5py.File(tmp_path / "j/judge.h5") as file:
         assert file["tables/answers/error"][:].max() < 0.02
     assert "claims hold" in (tmp_path / "j/index.html").read_text()
+    again = json.loads(command("judge static-decay r.vtkhdf --within 0.02 --out k --json --quiet").stdout)
+    assert "was not made again" in again["findings"][-1]
+    assert again["values"] == said["values"]

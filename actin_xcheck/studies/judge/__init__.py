@@ -15,16 +15,8 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.model import Array
 from actin_xcheck.report.exhibits import Chapter, Line, Plot
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.judge.theirs import (
-    INTEGRALS,
-    SAME_TIME,
-    Theirs,
-    Truth,
-    TruthAsked,
-    known_alone,
-    true_value,
-    truth,
-)
+from actin_xcheck.studies.judge.theirs import INTEGRALS, SAME_TIME, Theirs
+from actin_xcheck.studies.judge.truths import Truth, TruthAsked, known_alone, true_value, truth
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 from actin_xcheck.theory.growth import fit_growth
 from actin_xcheck.verdicts.final import FinalValue, in_a_sentence, percent
@@ -98,7 +90,7 @@ def judge(scene: Scene, files: Sequence[Theirs], within: float, order: float, ty
         f"{scene.name} by another code, held against {_origin(scene, best)}.",
         {"answers": Table("Answers", rows, _ANSWERS)},
         claims,
-        (in_a_sentence(finals), *_orders_said(rows)),
+        (in_a_sentence(finals), *_orders_said(rows), *(_REUSED for _ in range(found.reused))),
         (
             Chapter(
                 "errors",
@@ -127,6 +119,9 @@ _ANSWERS = (
     "At the end, beside the truth and its uncertainty; errors are the largest over output times, relative "
     "for area and total actin. Lag and amplitude are those of the whole series, where it has rows enough."
 )
+
+
+_REUSED = "the run that they are held against was not made again: this code made it for a judgement before"
 
 
 def _origin(scene: Scene, best: Theirs) -> str:
