@@ -33,6 +33,11 @@ def value(*corners: Corner, quantity: str = "area") -> FinalValue:
         ((FEM,), 3, "area 3.2018 ± 0.0014 (0.044 %)"),
         ((Corner("FEM", 3.2, np.nan, "none"),), 0, "area 3.200000 with an uncertainty that is not known"),
         (
+            (Corner("FEM", np.nan, np.nan, "none"), REFERENCE),
+            0,
+            "area none with an uncertainty that is not known",
+        ),
+        (
             (Corner("FEM", 3.2, 2.0, ""), Corner("FV", 3.2, 2.0, "")),
             0,
             "area 3.2 ± 2.0 (62 %, FEM), the codes agree to round-off",

@@ -86,7 +86,7 @@ class FinalValue:
         errors = [error for error in (self.apart, self.off) if not np.isnan(error)]
         if self.theory is None:
             errors.append(self.unsure)
-        worst = max(errors)
+        worst = max(errors, default=np.nan)  # theory, and a run that gave no number
         return 0 if np.isnan(worst) else int(np.clip(-np.log10(max(worst, 1e-12)), 0, 12))
 
     @property
@@ -118,10 +118,10 @@ class FinalValue:
         if best.uncertainty >= 0:
             known = f"({percent(best.uncertainty / self.size)}{f', {best.name}' if self.methods[1:] else ''})"
         said = [f"{self.place} {in_digits(best, best.uncertainty)} {known}"]
-        if self.methods[1:]:
+        if not np.isnan(self.apart):
             beyond = self.apart * self.size > sum(code.uncertainty for code in self.codes)
             said.append(f"the codes {'part by' if beyond else 'agree to'} {percent(self.apart)}")
-        if self.theory:
+        if self.theory and not np.isnan(self.off):
             said.append(f"{self.theory.name} to {percent(self.off)}")
         return ", ".join(said)
 
@@ -222,4 +222,4 @@ def in_a_sentence(values: Sequence[FinalValue]) -> str:
 
 def percent(share: float) -> str:
     """A relative error for a reader."""
-    return f"{100 * share:.2g} %" if share >= 1e-10 else "round-off"
+    return "round-off" if share < 1e-10 else f"{100 * share:.2g} %"
