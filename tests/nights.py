@@ -67,7 +67,7 @@ def night(monkeypatch, tmp_path):
     monkeypatch.setattr(work, "work_alone", here)
 
     def run(*stubs, controls=(), as_json=False, **wish):
-        how = {name: wish.pop(name) for name in ("patience",) if name in wish}
+        how = {name: wish.pop(name) for name in ("patience", "markdown", "open_page") if name in wish}
         with in_this_process():
             how |= {"as_json": as_json, "kernel": KERNEL, "alone": here}
             return spend(Wish(tmp_path, **wish), (*stubs, *controls), in_turn(1), **how)

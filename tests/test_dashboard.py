@@ -105,6 +105,12 @@ def test_the_dashboard_says_how_it_stands_and_what_changed(reports: Path) -> Non
     assert re.search(grew, text)
     page = (reports / "index.html").read_text()
     assert "9 nights, red: 2026-03-09" in page
+    assert re.search(r"flaky ?orders", text)  # all of its red is
+    assert re.search(r"broke down ?negative controls", text)
+    own = Tags(reports / f"2026-03-{NIGHTS:02d}" / "index.html").words
+    assert re.search(r"flaky ?orders", own)
+    assert re.search(rf"flaky ?{CHECKS[1]}", own)
+    assert re.search(rf"broke down ?{CHECKS[2]}", own)
     assert page.count('<td class="line"><svg class="spark"') == 6  # claims of the last night with a number
     assert page.count('class="change"') == 2 + 2 + 1  # work grew; checks and a claim turned red
 

@@ -5,6 +5,7 @@ import re
 import shutil
 import signal
 import time
+import webbrowser
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -189,6 +190,15 @@ def test_a_process_that_dies_is_red_and_one_that_is_killed_is_not_run(tmp_path):
     assert [one.trouble for one in kept.done] == ["broke down: its process ended with exit code 7", ""]
     (killed,) = kept.left_out
     assert (killed.name, killed.why[:37]) == ("killed", "its process was ended by SIGKILL (by ")
+
+
+def test_a_night_hands_out_a_summary_and_its_page(night, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    text = tmp_path / "it.md"
+    assert night(Stub("one", value=0.25), Stub("two", value=2.0), markdown=text, open_page=True) == 1
+    assert text.read_text(encoding="utf-8").startswith("## 1 of 2 claims hold\n\n|")
+    assert opened == [(only_night(tmp_path).folder / "index.html").as_uri()]
 
 
 # what is kept

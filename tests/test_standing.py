@@ -8,8 +8,8 @@ from actin_xcheck.nightly.carry_out import ended
 from actin_xcheck.nightly.differences import differences, turned
 from actin_xcheck.nightly.history import JudgedNumber, append, judged_in, read_claims, read_series
 from actin_xcheck.nightly.items import NO_VERDICT
-from actin_xcheck.nightly.record import NotRun, Number, NumberKind
-from actin_xcheck.nightly.standing import flaky, markdown, standing, state_of
+from actin_xcheck.nightly.record import Begun, Done, Kept, NotRun, Number, NumberKind
+from actin_xcheck.nightly.standing import flaky, markdown, standing, state_of, summary
 from actin_xcheck.runs.processes import Lost
 from tests.claims import claim
 from tests.histories import night
@@ -102,3 +102,28 @@ def test_a_pull_request_is_told_what_got_worse_and_how_sure_that_is(tmp_path, ma
     assert same.startswith("### 0 claims fail that did not, 0 numbers are worse")
     assert "same commit, versions and machine" in same
     assert "|" not in same
+
+
+def test_a_night_comes_to_a_summary_with_what_is_worse_than_before(tmp_path):
+    history = written(tmp_path / "h", ((0.5, 0.5), CODE), ((0.5, 2.0), CODE))
+    last = night(2, **CODE)
+
+    def kept(name, fault="", baseline=""):
+        begun = Begun(
+            name, last.date, {"commit": last.commit}, last.machine, "nightly", 9.0, fault, baseline, (), 0.03
+        )
+        ours = [judged(0.5, "s0"), judged(2.0, "s1")]
+        claims, files = tuple(one.claim for one in ours), tuple(one.source for one in ours)
+        return Kept(tmp_path / name, begun, (Done("check", claims, files),), closed=True)
+
+    text = summary(kept(last.name), history, {judged(1, "s1").key})
+    assert text.startswith(
+        "## 1 of 2 claims hold, 1 is flaky\n\n|  | claim | value |\n| --- | --- | --- |\n| flaky | s1 ["
+    )
+    assert "### 1 claims fail that did not, 0 numbers are worse\n" in text
+    assert f"against `{night(1).name}`" in text
+    wrong = summary(kept("of-a-fault", fault="fv-leak"), history, ())  # which no history keeps
+    assert "A deliberate fault was on: fv-leak." in wrong
+    assert "| fail | s1 [" in wrong
+    assert "###" not in wrong
+    assert "###" not in summary(kept(last.name), tmp_path / "none", ())

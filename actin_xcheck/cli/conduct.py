@@ -163,19 +163,25 @@ def shown(page: Path, tell: "Tell", wanted: bool = True) -> Iterator["Tell"]:
     """Open a page in a browser, where that is wanted: as soon as progress is told and it is there, which is
     while the work goes on, else at the end.
     """
-    import webbrowser
-
-    opened = not wanted
+    waiting = wanted
 
     def told(label: str, over: float, whole: float) -> None:
-        nonlocal opened
+        nonlocal waiting
         tell(label, over, whole)
-        if not opened and page.exists():
-            opened = webbrowser.open(page.resolve().as_uri()) or True
+        if waiting and page.exists():
+            waiting = False
+            opened(page)
 
     yield told
-    if not opened:
-        webbrowser.open(page.resolve().as_uri())
+    opened(page, waiting)
+
+
+def opened(page: Path | str, wanted: bool = True) -> None:
+    """Open a page in a browser, where that is wanted."""
+    if wanted:
+        import webbrowser
+
+        webbrowser.open(Path(page).resolve().as_uri())
 
 
 def say_the_cost(words: str, study: "Study", workers: int | None, json: bool) -> NoReturn:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.conduct import DryRun, Json, Listed, Quiet, command, print_names, print_table
+from actin_xcheck.cli.conduct import DryRun, Json, Listed, Open, Quiet, command, print_names, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -59,6 +59,10 @@ def nightly_command(
     as_json: Json = False,
     quiet: Quiet = False,
     dry_run: DryRun = False,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write what it comes to, as for a pull request.")
+    ] = None,
+    open_page: Open = False,
 ) -> None:
     """Run the verification suite, keep its numbers, and draw the dashboard: index.html over all nights.
 
@@ -78,7 +82,8 @@ def nightly_command(
         by = f"{workers} processes" + (f"; {fit} of them fit" if fit < count else "")
         say_seconds("nightly", count, f"{count} checks", seconds, by, as_json)
     processes = executor(jobs_asked(jobs, scheduler), scheduler)
-    raise typer.Exit(spend(wish, suite(), processes, scheduler is not None, as_json, quiet))
+    shown = {"markdown": markdown, "open_page": open_page}
+    raise typer.Exit(spend(wish, suite(), processes, scheduler is not None, as_json, quiet, **shown))
 
 
 def spend(
@@ -89,6 +94,8 @@ def spend(
     as_json: bool = False,
     quiet: bool = True,
     kernel: float | None = None,
+    markdown: Path | None = None,
+    open_page: bool = False,
     **how: Any,
 ) -> int:
     """Carry a night out, write all that is read of it, say what it came to, and return the exit code.
@@ -96,18 +103,19 @@ def spend(
     Parameters
     ----------
     wish, suite : what is asked for, of what there is.
-    processes, away : what has processes for its checks, once it is entered; whether they are a cluster's.
+    processes, away : has processes for its checks, once it is entered; whether they are a cluster's.
     kernel : seconds that the reference kernel takes; None: to be measured.
+    markdown, open_page : a file for its summary; whether to open its page.
     how : see `carry_through`.
     """
-    from actin_xcheck.cli.conduct import kept_in, saying_the_cost
+    from actin_xcheck.cli.conduct import kept_in, opened, saying_the_cost
     from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.core.files import replace_file
     from actin_xcheck.nightly.carry_out import carry_through
     from actin_xcheck.nightly.dashboard import write_dashboard, write_night_page, write_scene_pages
     from actin_xcheck.nightly.plan import begun
     from actin_xcheck.nightly.record import junit
-    from actin_xcheck.nightly.standing import flaky
+    from actin_xcheck.nightly.standing import summary
     from actin_xcheck.runs.provenance import reference_kernel
 
     seconds = kernel or float(reference_kernel()[0])
@@ -118,10 +126,12 @@ def spend(
             kept = carry_through(tonight, wish.history, workers, tell, away, **how)
         replace_file(kept.folder / JUNIT, junit(kept))
         write_scene_pages(kept.folder)
-        unsteady = flaky(wish.history, kept.begun.name) if not kept.begun.fault else ()
-        answer = _answer(kept, write_night_page(kept.folder), unsteady)
+        answer = _answer(kept, write_night_page(kept.folder), wish.history)
         replace_file(kept.folder / SUMMARY, answer.model_dump_json(indent=1).encode("utf-8"))
     index = write_dashboard(wish.reports)
+    if markdown:
+        replace_file(markdown, summary(kept, wish.history, answer.flaky).encode("utf-8"))
+    opened(answer.page, open_page)
     if as_json:
         say(answer)
     else:
@@ -129,9 +139,10 @@ def spend(
     return 0 if kept.green else 1
 
 
-def _answer(kept: "Kept", page: Path, unsteady: "Iterable[str]") -> "NightAnswer":
+def _answer(kept: "Kept", page: Path, history: Path) -> "NightAnswer":
     from actin_xcheck.cli.output import FailedClaim, NightAnswer
     from actin_xcheck.nightly.items import group_of
+    from actin_xcheck.nightly.standing import flaky
 
     failing = [
         FailedClaim(check=done.name, group=group_of(claim), key=claim.key, file=file, **asdict(claim))
@@ -148,7 +159,7 @@ def _answer(kept: "Kept", page: Path, unsteady: "Iterable[str]") -> "NightAnswer
         seconds=kept.seconds,
         claims=dict(Counter(claim.verdict for claim in kept.claims)),
         failed=tuple(failing),
-        flaky=tuple(sorted(unsteady)),
+        flaky=() if kept.begun.fault else tuple(sorted(flaky(history, kept.begun.name))),
         troubles={done.name: done.trouble for done in kept.done if done.trouble},
         not_run={one.name: one.why for one in kept.left_out},
         checks={done.name: done.seconds for done in kept.done},
@@ -240,15 +251,13 @@ def diff_command(
 
     nights = read_nights(file)
     before, after = (find_night(nights, name).night for name in (old, new))
+    if markdown:
+        from actin_xcheck.nightly.standing import worse
+
+        print(worse(file, before, after), end="")
+        return
     claims = turned(read_claims(file, before.name), read_claims(file, after.name))
     numbers = differences(read_numbers(file, before.name), read_numbers(file, after.name))
-    if markdown:
-        from actin_xcheck.nightly.history import read_series
-        from actin_xcheck.nightly.standing import markdown as worse
-
-        series = {one.key: one for one in read_series(file)}
-        print(worse(before, after, claims, numbers, series), end="")
-        return
     news = after.differences(before)
     if as_json:
         print_json(

@@ -1,7 +1,7 @@
 """The pages of the nights: one for each, from its own file, and one over all, from the history."""
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -76,16 +76,12 @@ class _Row(NamedTuple):
 
 
 class _Light(NamedTuple):
-    """A group of claims as it stands: its verdicts, and how it was in each night."""
+    """A group of claims as it stands: its verdicts, their worst, and how it was in each night."""
 
     group: Group
     verdicts: Counter[str]
+    state: str
     before: Sequence[tuple[str, str]] = ()
-
-    @property
-    def state(self) -> str:
-        """ "fail" where one fails, "none" where nothing was judged."""
-        return _state(self.verdicts)
 
 
 def _state(verdicts: Counter[str]) -> str:
@@ -130,13 +126,18 @@ def write_night_page(folder: Path) -> Path:
         begun=night.begun,
         groups=groups,
         lights=[
-            _Light(group, Counter(row.claim.verdict for row in ours))
+            _Light(
+                group,
+                Counter(row.claim.verdict for row in ours),
+                standing([row.judged for row in ours], unsteady).state,
+            )
             for group, ours in groups.items()
             if ours
         ],
         failing=[row for row in rows if row.claim.verdict == "FAIL"],
         standing=standing(judged_in(night.done), unsteady, night.left_out),
         states={row.judged.key: state_of(row.judged, unsteady) for row in rows},
+        came={done.name: _came(done, unsteady) for done in night.done},
         fault=FAULTS.get(night.begun.fault),
         called=sum(night.begun.fault in done.reached for done in night.done),
         pages=_pages(night),
@@ -146,6 +147,13 @@ def write_night_page(folder: Path) -> Path:
         file=folder / FILE_NAME,
     )  # fmt: skip
     return put_page(folder, text)
+
+
+def _came(done: Done, unsteady: Container[str]) -> str:
+    """The light of a check."""
+    if done.trouble or not done.red:
+        return "broken" if done.trouble else "pass"
+    return standing(judged_in([done]), unsteady).state
 
 
 def _pages(night: Kept) -> dict[str, str]:
@@ -220,7 +228,7 @@ def write_dashboard(reports: Path) -> Path:
         row["state"] = now.state if row["name"] == name else row["state"]
     text = _environment(reports).get_template("dashboard.html").render(
         last=last,
-        lights=_lights(shown),
+        lights=_lights(shown, unsteady),
         claims=_by_check(shown.get(name, {}), lines),
         numbers=_by_kind(series, name, lines),
         events=changed[:EVENTS],
@@ -245,17 +253,18 @@ def _environment(folder: Path) -> Environment:
     return made
 
 
-def _lights(shown: Mapping[str, Mapping[str, JudgedNumber]]) -> list[_Light]:
-    """The groups with their lights in the nights that are shown."""
-    counts = {name: {group: Counter[str]() for group in Group} for name in shown}
-    for name, claims in shown.items():
-        for one in claims.values():
-            counts[name][group_of(one.claim)][one.claim.verdict] += 1
-    found = []
+def _lights(shown: Mapping[str, Mapping[str, JudgedNumber]], unsteady: Container[str]) -> list[_Light]:
+    """The groups with their lights in the nights that are shown; what is flaky is known of the last one."""
+    found, last = [], list(shown)[-1:]
     for group in Group:
-        before = tuple((name, _state(counts[name][group])) for name in shown)
+        ours = {
+            name: [one for one in claims.values() if group_of(one.claim) is group]
+            for name, claims in shown.items()
+        }
+        counts = {name: Counter(one.claim.verdict for one in claims) for name, claims in ours.items()}
+        before = tuple((name, _state(verdicts)) for name, verdicts in counts.items())
         if any(state != "none" for _, state in before):
-            found.append(_Light(group, counts[before[-1][0]][group], before))
+            found.append(_Light(group, counts[last[0]], standing(ours[last[0]], unsteady).state, before))
     return found
 
 

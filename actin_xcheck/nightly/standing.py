@@ -7,10 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from actin_xcheck.nightly.differences import Difference, Turned
-from actin_xcheck.nightly.history import JudgedNumber, Series, read_claims, read_nights
+from actin_xcheck.nightly.differences import Difference, Turned, differences, turned
+from actin_xcheck.nightly.history import (
+    JudgedNumber,
+    Series,
+    find_night,
+    judged_in,
+    read_claims,
+    read_nights,
+    read_numbers,
+    read_series,
+)
 from actin_xcheck.nightly.items import NO_VERDICT
-from actin_xcheck.nightly.record import Night, NotRun
+from actin_xcheck.nightly.record import Kept, Night, NotRun
 
 LEAST = 4
 """Nights from which the scatter of a number is known."""
@@ -103,6 +112,39 @@ def standing(
         stopped=stopped,
         left_out=len(left_out) - stopped,
     )
+
+
+def summary(kept: Kept, history: Path, unsteady: Container[str]) -> str:
+    """Return what a night comes to in Markdown: its score, what fails, and what is worse than before.
+
+    That is in its baseline or, where it has none, in the night that was kept before it; nothing is worse than
+    in no night.
+    """
+    every = list(judged_in(kept.done))
+    now, begun = standing(every, unsteady, kept.left_out), kept.begun
+    lines = [f"## {now.score} claims hold{now.apart}", ""]
+    if begun.fault:
+        lines += [f"A deliberate fault was on: {begun.fault}.", ""]
+    states = [(state_of(one, unsteady), one.claim) for one in every]
+    if red := [(state, one) for state, one in states if state not in ("pass", "not-judged")]:
+        rows = (
+            (state, f"{one.scene} [{', '.join(one.methods)}]: {one.statement}", one.excess)
+            for state, one in red
+        )
+        lines += _table(("", "claim", "value"), rows)
+    nights = read_nights(history) if history.exists() else []
+    earlier = [one.night for one in nights if one.night.date < begun.date]
+    if not earlier or begun.name not in {one.night.name for one in nights}:
+        return "\n".join(lines)
+    before = find_night(nights, begun.baseline).night if begun.baseline else earlier[-1]
+    return "\n".join([*lines, worse(history, before, find_night(nights, begun.name).night)])
+
+
+def worse(history: Path, before: Night, after: Night) -> str:
+    """Return what is worse in a night that is kept than in another, see `markdown`."""
+    claims = turned(*(read_claims(history, one.name) for one in (before, after)))
+    numbers = differences(*(read_numbers(history, one.name) for one in (before, after)))
+    return markdown(before, after, claims, numbers, {one.key: one for one in read_series(history)})
 
 
 def markdown(
