@@ -12,8 +12,7 @@ import pytest
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.judge import judge
-from actin_xcheck.studies.judge import truths
+from actin_xcheck.studies.judge import judge, truths
 from actin_xcheck.studies.judge.theirs import Theirs, read_theirs
 from actin_xcheck.studies.judge.truths import Truth, TruthAsked
 from actin_xcheck.verdicts.known import known

@@ -1,7 +1,7 @@
 """What is true of a scene: what is known without a run, else a run to an accuracy.
 
-Such a run is kept in the user's cache, for who judges a code does so again and again: by what was asked and by
-a digest of the code, as a study's answers are.
+Such a run is kept in the user's cache, for who judges a code does so again and again: by what was asked and
+by a digest of the code, as a study's answers are.
 """
 
 import os
@@ -109,7 +109,7 @@ def _taken(kept: Path, path: Path) -> bool:
 
 
 def _keep(path: Path, kept: Path) -> None:
-    """Put a run into the cache, without those that nobody has used for long; a cache that cannot be is none."""
+    """Put a run into the cache, and leave out those that nobody used for long; one that cannot be is none."""
     with suppress(OSError, UserError):
         kept.parent.mkdir(parents=True, exist_ok=True)
         replace_file(kept, path.read_bytes())
