@@ -82,8 +82,10 @@ def nightly_command(
         by = f"{workers} processes" + (f"; {fit} of them fit" if fit < count else "")
         say_seconds("nightly", count, f"{count} checks", seconds, by, as_json)
     processes = executor(jobs_asked(jobs, scheduler), scheduler)
-    shown = {"markdown": markdown, "open_page": open_page}
-    raise typer.Exit(spend(wish, suite(), processes, scheduler is not None, as_json, quiet, **shown))
+    away = scheduler is not None
+    raise typer.Exit(
+        spend(wish, suite(), processes, away, as_json, quiet, markdown=markdown, open_page=open_page)
+    )
 
 
 def spend(
