@@ -411,3 +411,20 @@ def test_what_linear_modes_leave_out_is_part_of_their_uncertainty(tmp_path):
     seeing = estimate(scene, Levels(method, runs, bound), "area", t)[1]
     assert blind < abs(area - np.pi) < seeing
     assert seeing - blind == pytest.approx(2 * bound * area, rel=1e-6)
+
+
+def test_round_off_of_a_growth_rate_is_that_of_a_logarithm_over_its_window(tmp_path):
+    """Two levels of one value know it to what 1e-14 in a is of an amplitude of 1e-6, the sooner the worse."""
+    text, method = scene_text("mode-11-wall"), METHODS["fem-p3-imex4"]
+    whole = parse_scene(text, "modes.toml")
+    run(whole, Numerics(method, 2, whole.time.end / 16, 1e-4), tmp_path / "run.vtkhdf", passing=True)
+    twice = Levels(method, (read_run(tmp_path / "run.vtkhdf"),) * 2)
+    window = next(line for line in text.splitlines() if line.startswith("window"))
+    found = []
+    for length in 0.2, 0.4:
+        scene = parse_scene(text.replace(window, f"window = [0.0, {length}]"), "modes.toml")
+        how = estimate(scene, twice, "growth_rate", scene.output_times[-1])[1:3]
+        steps = float(how[1].rpartition(" ")[2])
+        found.append((how[0] - steps) * length)
+    assert found[0] == pytest.approx(found[1], rel=0.2)
+    assert 1e-8 < found[0] < 2e-8

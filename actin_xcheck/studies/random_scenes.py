@@ -258,8 +258,8 @@ def keep(asked: DrawnScene, folder: Path) -> CheckedScene:
 def check(asked: DrawnScene, folder: Path) -> CheckedScene:
     """Run a scene in every way that must agree, and say what does.
 
-    One in which the model breaks down, or all but does, is ended half way there: how that ends is
-    `extremes`'s question.
+    One in which the model breaks down, or all but does, or the mesh folds, is ended half way there: how that
+    ends is `extremes`'s question.
     """
     with tempfile.TemporaryDirectory() as place, np.errstate(all="ignore"):
         asked = replace(asked, scene=_lasting(asked.scene))
@@ -269,19 +269,20 @@ def check(asked: DrawnScene, folder: Path) -> CheckedScene:
 
 
 def _lasting(text: str) -> str:
-    """A scene's text, as far as half the time at which the model breaks down, or all but does."""
+    """A scene's text, up to half the time at which the model breaks down, or all but does, or its mesh."""
     scene = parse_scene(text, "drawn")
     model = scene.physics
-    if scene.mode is not None or model.rheology is not Rheology.VISCOELASTIC or not model.sees("phi"):
+    if scene.mode is not None:
         return text
+    breaks = model.rheology is Rheology.VISCOELASTIC and model.sees("phi")
     numerics = Numerics(find_method(METHODS[0]), COARSE, scene.time.end / STEPS, RTOL)
     solver = bind(scene, numerics)
     march = March(solver, numerics, scene.output_times)
     for moment in march:
-        if least_dilation(solver.grid, solver.frame(moment.state).x)[0] < NEAR:
+        if breaks and least_dilation(solver.grid, solver.frame(moment.state).x)[0] < NEAR:
             break
     else:
-        if march.outcome.ending is not Ending.SINGULAR_DILATION:
+        if march.outcome.ending not in (Ending.SINGULAR_DILATION, Ending.TANGLED):
             return text
     return draw.written(draw.until(draw.read(text), march.state.t / 2))
 

@@ -216,45 +216,46 @@ def estimate(scene: Scene, levels: Levels, quantity: str, t: float) -> tuple[Arr
 
     Uncertainty and order are nan where there is none.
     """
-    asked = levels.runs[0].attributes
+    run = levels.runs[0]
+    asked = run.attributes
     if "error_estimate" in asked and quantity in (*QUANTITIES, "centroid"):
-        found, error = _measure(scene, levels.runs[0], quantity, t), float(asked["error_estimate"])
+        found, error = _measure(scene, run, quantity, t), float(asked["error_estimate"])
         size = float(np.abs(found).max(initial=0.0)) if quantity in RELATIVE else 1.0
         return found, error * size, f"estimated by levels for an accuracy of {asked['accuracy']:g}", np.nan
     values: list[Array] = []
     why = "it has no coarser run" if levels.method.order_h else "the method declares no order"
-    for run in levels.runs:
-        if not reaches(run, t):
-            why = f"a coarser run ended early, {_ending(run)}"
+    for level in levels.runs:
+        if not reaches(level, t):
+            why = f"a coarser run ended early, {_ending(level)}"
             break
-        found = _measure(scene, run, quantity, t)
+        found = _measure(scene, level, quantity, t)
         if not np.isfinite(found).all():
             why = "no such exponentials fit the run" if not values else "none fit a coarser run"
             break
         values.append(found)
     if len(values) < 2:
-        nothing = _measure(scene, levels.runs[0], quantity, t)
-        return nothing, np.nan, f"no uncertainty, for {why}", np.nan
+        return _measure(scene, run, quantity, t), np.nan, f"no uncertainty, for {why}", np.nan
     ratio = _error_ratio(levels, t)
     if ratio <= 1:
         why = f"a coarser run makes no longer steps up to t = {t:.4g}"
         return values[0], np.nan, f"no uncertainty, for {why}", np.nan
-    run, used = levels.runs[0], levels.runs[: len(values)]
-    similar = not quantity.startswith("probe") and _similar(scene, used)
+    similar = not quantity.startswith("probe") and _similar(scene, levels.runs[: len(values)])
     size = max(1.0, float(np.abs(values[0]).max()))
     solved = SOLVED * (run.series["time"] <= t).sum()
-    floor = ROUND_OFF.get(quantity, 1e-12) * (1 + solved) * size
+    rate = scene.expect.growth_rate if quantity == "growth_rate" else None
+    per_time = 1 / np.ptp(rate.window) if rate else 0.0  # round-off is a logarithm's, over a window
+    floor = ROUND_OFF.get(quantity, 1e-12) * (1 + solved) * max(size, per_time)
     steps = _of_steps(scene, run, quantity, t) * size
     if quantity != "growth_rate":
         floor += levels.neglected * size * (2 if quantity == "area" else 1)
-    lacks = len(values) < len(levels.runs)
-    return values[0], *uncertainty(values, levels.method.order_h, ratio, similar, floor, steps, lacks)
+    lacks, order = len(values) < len(levels.runs), levels.method.order_h
+    return values[0], *uncertainty(values, order, ratio, similar, floor, steps, lacks)
 
 
 def _similar(scene: Scene, runs: Sequence[Run]) -> bool:
     """Whether h halves from level to level on both sides of the ring, a layer of every mesh, within sqrt 2.
 
-    Layers there are whole numbers: where the ring is near the rim one may stay one, or become three.
+    Layers are whole numbers: where the ring is near the rim one may stay one, or become three.
     """
     stated = [run.attributes for run in runs]
     whole = scene.physics.delta is Delta.RING or stated[0]["fidelity"] == Fidelity.FULL
