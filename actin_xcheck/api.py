@@ -286,7 +286,7 @@ def sweep(
 
 
 def render(run: Run | str | Path, out: str | Path, *, time: float | None = None, field: str = "a") -> Path:
-    """Draw a frame of a run as a .png, or its film as a .gif or .mp4, as the command `render` does.
+    """Draw a frame of a run as a .png, or its film as a .gif, .mp4 or .html, as the command `render` does.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from actin_xcheck.api import cross_check, run, sweep
+from actin_xcheck.api import cross_check, render, run, sweep
 from actin_xcheck.report.exhibits import Exhibit, Line, Plot
 from actin_xcheck.report.page import write_page
 from actin_xcheck.runs.executor import in_turn
@@ -57,6 +57,10 @@ def _sweep(folder, monkeypatch):
     sweep(folder / "ranges.toml", "fem-p1-paper", out=folder, jobs=1, refine=1, dt=0.1)
 
 
+def _film(folder, monkeypatch):
+    return render(run("static-decay", "fem-p2-imex3", refine=2, dt=0.1), folder / "index.html")
+
+
 def _side_by_side(folder, monkeypatch):
     for name in "fem-p2-imex3", "fv":
         run("static-decay", name, refine=2, dt=0.1, out=folder / f"{name}.vtkhdf")
@@ -99,6 +103,7 @@ KINDS = {
     "paper": _audit,
     "predict": _predictions,
     "sweep": _sweep,
+    "film": _film,
     "side by side": _side_by_side,
     "judge": _judge,
 }

@@ -16,6 +16,8 @@ from actin_xcheck.report.film import STEPS, _Store, common_times, film_data, fil
 from actin_xcheck.runs.store import Run
 from actin_xcheck.studies.compare import FILE_NAME, read_comparison
 from actin_xcheck.studies.compare_page import write_comparison_page
+from actin_xcheck.studies.sweep import read_table
+from tests.browser import complaints
 from tests.tags import SCRIPT
 from tests.test_report import TIMES, write_comparison_of_everything
 
@@ -285,3 +287,44 @@ def test_everything_that_can_be_used_has_a_name(film: Page) -> None:
 def test_a_comparison_on_the_articles_mesh_is_light(tmp_path: Path) -> None:
     write_comparison_of_everything(tmp_path, refine=5)
     assert write_comparison_page(tmp_path / FILE_NAME).stat().st_size < 5_000_000
+
+
+@pytest.mark.slow
+def test_from_a_point_a_picture_or_a_row_one_click_leads_to_the_film(tab: Page, page_of) -> None:
+    page = page_of("sweep")
+    table = read_table(page.parent)
+    row = int(np.flatnonzero((table["parameters.psi"] == 1) & (table["parameters.d"] == 0.3))[0])
+    film = (page.parent / str(table["film"][row])).as_uri()
+
+    def leads(act) -> str:
+        complaints(tab, page)
+        with tab.expect_navigation():
+            act()
+        tab.wait_for_function("document.querySelector('figure.film.live canvas')?.width > 10")
+        return tab.url
+
+    def point(chart: str, x: float, y: float) -> None:
+        gd = tab.locator(f"figure:has(h3:text-is('{chart}')) .chart")
+        gd.scroll_into_view_if_needed()
+        at = gd.evaluate(
+            "(gd, [x, y]) => { const { left, top } = gd.getBoundingClientRect();"
+            " const { xaxis, yaxis } = gd._fullLayout;"
+            " return [left + xaxis._offset + xaxis.d2p(x), top + yaxis._offset + yaxis.d2p(y)]; }",
+            [x, y],
+        )
+        tab.mouse.move(*at)
+        tab.wait_for_timeout(200)
+        tab.mouse.click(*at)
+
+    def read_aloud() -> None:
+        tab.locator("figure:has(h3:text-is('total actin')) .chart").focus()
+        first = tab.evaluate("document.activeElement.data.findIndex(one => one.customdata)")
+        assert first == 0
+        tab.keyboard.press(".")
+        tab.keyboard.press("Enter")
+
+    assert leads(lambda: point("total actin", 1, float(table["total_actin"][row]))) == film
+    assert leads(lambda: point("outcomes", 1, 0.3)) == film
+    assert leads(lambda: tab.locator(".strip a").nth(row).click()) == film
+    assert leads(lambda: tab.locator(f"td a[href='{table['film'][row]}']").click()) == film
+    assert leads(read_aloud).startswith((page.parent / "runs").as_uri())

@@ -34,6 +34,7 @@ QUICK = (
     "random",
     "side by side",
     "sweep",
+    "film",
 )
 PAPER = 718
 """CSS pixels of A4 between margins of 10 mm."""

@@ -355,6 +355,10 @@ def test_a_page_shows_every_column_over_the_ranges(tmp_path):
     assert [len(one.shots) for one in cells.exhibits] == [6]
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     assert "6 of 6" in page
+    assert high.links == tuple(table["film"][of_high])
+    assert sorted(sum(shown["outcomes"].links, ())) == sorted(table["film"])
+    assert [one.link for one in cells.exhibits[0].shots] == table["film"].tolist()
+    assert all((out / one).exists() for one in table["film"])
 
 
 def test_what_did_not_complete_is_red_in_charts():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -212,6 +213,16 @@ def test_a_film_has_a_frame_for_each_output_time_and_grows_as_the_cell_does(
     assert areas[-1] > 1.05 * areas[0]
 
 
+def test_a_page_plays_a_run_and_says_what_it_comes_to(curved: Run, tmp_path: Path) -> None:
+    text = actin_xcheck.render(curved, tmp_path / "cell.html").read_text(encoding="utf-8")
+    data = json.loads(re.search(r'id="film-1">(.*?)</script>', text)[1])
+    assert data["times"] == pytest.approx(curved.times)
+    assert [one["name"] for one in data["runs"]] == [curved.attributes["method_name"]]
+    assert f"<dt>area at the end</dt><dd>{curved.series['area'][-1]:.6g}</dd>" in text
+    assert str(curved.attributes["command"]) in text
+    assert "plotly" not in text  # which has no charts
+
+
 def test_an_mp4_where_ffmpeg_is_there(curved: Run, tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
     path = actin_xcheck.render(curved, tmp_path / "cell.mp4", field="v")
@@ -244,7 +255,8 @@ def test_what_cannot_be_drawn_is_one_line(curved: Run, tmp_path: Path, command) 
     for arguments, parts in {
         ("--field", "b"): ("--field", "a_cells"),
         ("--time", 0.123): ("--time", "0.123", f"{curved.times[1]:g}"),
-        ("--out", "cell.jpg"): (".png, .gif, .mp4",),
+        ("--out", "cell.jpg"): (".png, .gif, .mp4, .html",),
+        ("--out", "cell.html", "--field", "u"): ("plays a, not u",),
         ("--out", "cell.gif", "--time", 0): ("--time", ".png"),
     }.items():
         one_line(command("render", curved.path, *arguments), *parts)

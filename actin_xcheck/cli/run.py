@@ -306,7 +306,7 @@ Replace = Annotated[bool, typer.Option("--force", help="Overwrite existing files
 def render_command(
     file: Stored,
     out_file: Annotated[
-        Path | None, typer.Option("--out", help="A .png, .gif or .mp4; default: FILE with .png.")
+        Path | None, typer.Option("--out", help="A .png, .gif, .mp4 or .html; default: FILE with .png.")
     ] = None,
     time: Annotated[
         float | None, typer.Option(help="Output time to draw in a .png; default: the last.")
@@ -316,6 +316,8 @@ def render_command(
     json: Json = False,
 ) -> None:
     """Draw a frame of a stored run as a .png, or its film as a .gif or (where ffmpeg is found) an .mp4.
+
+    An .html is a page that plays the film.
 
     Needs no display.  Curved cells are drawn curved; the grey line is the cell's rim at its start.
     """

@@ -182,7 +182,7 @@ class Drawing:
     title, note : text.
     path : where its numbers stand in the file.
     figure : of plotly.js.
-    panels : pictures with their titles.
+    panels : pictures with their titles and the pages that clicks lead to, empty without.
     outlines : rims, each with its polygons in a drawing of 100 x 100.
     bars : what the colours of pictures mean.
     rows : of a table, header first; `numeric` says which columns hold numbers.
@@ -193,7 +193,7 @@ class Drawing:
     note: str
     path: str
     figure: Figure | None = None
-    panels: tuple[tuple[str, Panel], ...] = ()
+    panels: tuple[tuple[str, Panel, str], ...] = ()
     outlines: tuple[tuple[Outline, str, str], ...] = ()
     bars: tuple[ColourBar, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
@@ -231,7 +231,7 @@ def _picture(picture: Picture, path: str) -> Drawing:
     canvas.axes.plot(*_CIRCLE, color=OUTLINE, linewidth=0.9)
     panel = canvas.panel(picture.title, scale.extent(values))
     return Drawing(
-        "picture", picture.title, "", path, panels=((picture.title, panel),), bars=(scale.bar(""),)
+        "picture", picture.title, "", path, panels=((picture.title, panel, ""),), bars=(scale.bar(""),)
     )
 
 
@@ -239,7 +239,11 @@ def _shots(shots: Shots, path: str) -> Drawing:
     scale = colours([shot.values for shot in shots.shots])
     shown = window([_CIRCLE, *(shot.x for shot in shots.shots)])
     panels = tuple(
-        (shot.title, Brush(shot.triangles, _CIRCLE, shown).panel(shot.title, shot.x, shot.values, scale))
+        (
+            shot.title,
+            Brush(shot.triangles, _CIRCLE, shown).panel(shot.title, shot.x, shot.values, scale),
+            shot.link,
+        )
         for shot in shots.shots
     )
     return Drawing("shots", shots.title, shots.note, path, panels=panels, bars=(scale.bar("a"),))

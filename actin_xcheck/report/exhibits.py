@@ -25,6 +25,7 @@ class Line:
     red : whether it has the colour of what fails.
     rail : whether its points stand on a rail above the plot, by their x alone.
     said : what is read at each point, else its numbers.
+    links : the page that a click on each point leads to.
     x_spread, y_spread : how far a point may be off to either side, (n,) each: bars, or a band around a line.
     """
 
@@ -40,6 +41,7 @@ class Line:
     red: bool = False
     rail: bool = False
     said: tuple[str, ...] = ()
+    links: tuple[str, ...] = ()
     x_spread: Array | None = None
     y_spread: Array | None = None
 
@@ -95,12 +97,16 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A cell at one time: node positions x (2, N), triangles (3, n_cells), cell means values (n_cells,)."""
+    """A cell at one time: node positions x (2, N), triangles (3, n_cells), cell means values (n_cells,).
+
+    `link` is the page that a click on it leads to.
+    """
 
     title: str
     x: Array
     triangles: Indices
     values: Array
+    link: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +143,8 @@ class Outlines:
 class Regions:
     """A map of a plane: codes (n_y, n_x) number the entries of `names`; `borders` are curves drawn on it.
 
-    x (n_x,) and y (n_y,) are the centres of its pixels; `labels` are names written into the bands at (x, y).
+    x (n_x,) and y (n_y,) are the centres of its pixels; `labels` are names written into the bands at (x, y);
+    `links` (n_y rows of n_x) are the pages that clicks lead to.
     """
 
     key: str
@@ -151,6 +158,7 @@ class Regions:
     names: tuple[str, ...]
     borders: tuple[Line, ...] = ()
     labels: tuple[tuple[str, float, float], ...] = ()
+    links: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

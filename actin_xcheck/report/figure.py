@@ -173,6 +173,8 @@ def _line(line: Line, number: int, plot: Plot) -> list[Figure]:
         trace |= {"text": said, "hovertemplate": READ}
     elif not line.label:
         trace["hoverinfo"] = "skip"
+    if line.links:
+        trace["customdata"] = [line.links[i] for i in np.arange(len(line.x))[shown]]
     for name, spread in (("error_x", line.x_spread), ("error_y", line.y_spread)):
         if spread is not None and (line.points or name == "error_x"):
             trace[name] = {
@@ -261,6 +263,8 @@ def _regions(regions: Regions) -> Figure:
     data = [
         painted(_numbers(regions.x), _numbers(regions.y), regions.codes.tolist(), list(regions.names), bands)
     ]
+    if regions.links:
+        data[0]["customdata"] = [list(row) for row in regions.links]
     for line in regions.borders:
         trace: Figure = {"type": "scatter", "x": _numbers(line.x), "y": _numbers(line.y), "mode": "lines"}
         data.append(

@@ -62,14 +62,14 @@ class FilmStrip:
     scale: Colours
 
 
-def film_strip(runs: Sequence[Run]) -> FilmStrip:
-    """Draw the runs of one scene; differences are the cell means of other codes less FEM's (the first
-    one's without it), drawn where its cell is.
+def film_strip(runs: Sequence[Run], most: int = MAX_COLUMNS) -> FilmStrip:
+    """Draw the runs of one scene at most so many times; differences are the cell means of other codes less
+    FEM's (the first one's without it), drawn where its cell is.
 
     The colours span what the completed runs reach: a run on its way to a singularity must not wash them out.
     """
     every = common_times(runs)
-    columns = _columns(runs, every)
+    columns = _columns(runs, every, most)
     named = {run.attributes["method_name"]: run for run in runs}
     shots = {name: _shots(run, every) for name, run in named.items()}
     shown = window([x for row in shots.values() for x, _ in filter(None, row)] + [runs[0].xi])
@@ -106,10 +106,10 @@ def common_times(runs: Sequence[Run]) -> list[float]:
     return [float(t) for t in every if t in last or all(t in one for one in times if one[-1:] >= t)]
 
 
-def _columns(runs: Sequence[Run], times: Sequence[float]) -> list[int]:
-    """Numbers of at most MAX_COLUMNS times, evenly through them and with each run's last one."""
+def _columns(runs: Sequence[Run], times: Sequence[float], most: int) -> list[int]:
+    """Numbers of at most `most` times, evenly through them and with each run's last one."""
     last = {int(np.argmin(np.abs(np.asarray(times) - run.times[-1]))) for run in runs if len(run.times)}
-    free = max(MAX_COLUMNS - len(last), 0)
+    free = max(most - len(last), 0)
     even = np.linspace(0, len(times) - 1, free + 1).round().astype(int)[:free]
     return sorted(last | {int(i) for i in even})
 

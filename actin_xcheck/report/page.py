@@ -220,7 +220,7 @@ def _shown(name: str, title: str, note: str, by_field: Mapping[str, Sequence[Any
     for field, values in by_field.items():
         text = any(isinstance(one, str) for one in values)
         cells.append([_cell(value) for value in values])
-        code, file = field == "command", field in ("file", "finer_file")
+        code, file = field == "command", field in ("file", "finer_file", "film")
         long = text and not (code or file) and max(map(len, cells[-1]), default=0) > _LONG
         columns.append(Column(field.replace("_", " "), not text, code, file, long))
     return Shown(name, title, note, tuple(columns), tuple(zip(*cells, strict=True)))

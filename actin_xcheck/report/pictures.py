@@ -1,4 +1,4 @@
-"""A run for other eyes: pictures and films, and its film in formats that other tools read.
+"""A run for other eyes: pictures and films, a page that plays one, and formats that other tools read.
 
 Curved cells are drawn curved: each is cut into small flat pieces, on which the fields are the element's own.
 Files for other tools are written by meshio: XDMF for any, VTU with curved cells.
@@ -32,7 +32,7 @@ from actin_xcheck.core.parameters import FIELDS
 from actin_xcheck.report.draw import SEQUENTIAL, Canvas, closed_rim, unstyled
 from actin_xcheck.runs.store import Run
 
-SUFFIXES = (".png", ".gif", ".mp4")
+SUFFIXES = (".png", ".gif", ".mp4", ".html")
 
 _SIDE = 800
 """Pixels; even, as video codecs want it."""
@@ -59,8 +59,8 @@ def render(run: Run, path: Path, time: float | None = None, field: str = "a") ->
     Parameters
     ----------
     run : as stored; a failed one too.
-    path : a `.png` of one frame; a `.gif`, or where ffmpeg is found an `.mp4`, of all.  Replaced where it
-        exists.
+    path : a `.png` of one frame; a `.gif`, or where ffmpeg is found an `.mp4`, of all; a `.html` that plays
+        them.  Replaced where it exists.
     time : the output time to draw; the last one where nothing is said.
     field : one of `FIELDS`.
 
@@ -75,11 +75,42 @@ def render(run: Run, path: Path, time: float | None = None, field: str = "a") ->
         raise UserError(f"--out: {path} is no picture; valid: a file that ends in {', '.join(SUFFIXES)}")
     if path.suffix != ".png" and time is not None:
         raise UserError(f"--time: {path} shows all output times; valid: with a .png")
+    if path.suffix == ".html":
+        return _play(run, path, field)
     ffmpeg = _ffmpeg() if path.suffix == ".mp4" else ""
     frames = [frame_at(run, time)] if path.suffix == ".png" else list(range(len(run.times)))
     with unstyled():
         _write(run, path, frames, field, ffmpeg)
     return tuple(float(run.times[frame]) for frame in frames)
+
+
+_ON_PAGE = ("scene", "command", "outcome", "message")
+"""What the page of a run says elsewhere."""
+
+
+def _play(run: Run, path: Path, field: str) -> tuple[float, ...]:
+    """Write the page of a run with its film, and return its times."""
+    from actin_xcheck.report.film import film_data, film_strip
+    from actin_xcheck.report.page import environment
+
+    if field != "a":
+        raise UserError(f"--field: {path} plays a, not {field}; valid: a, or a .gif")
+    frame_at(run, None)
+    strip, last = film_strip([run], most=1), {name: run.series[name][-1] for name in _SAID}
+    name = str(run.attributes["scene_name"])
+    shown = {"name": name, "number": 1, "right": 0, "runs": [(run, None)], "strip": strip}
+    html = environment(path.parent).get_template("film.html").render(
+        run=run,
+        section=shown | {"film": film_data([run], strip)},
+        values=[(f"{key.replace('_', ' ')} at the end", f"{value:.6g}") for key, value in last.items()],
+        said=[(key, value) for key, value in run.attributes.items() if key not in _ON_PAGE],
+    )  # fmt: skip
+    replace_file(path, html.encode("utf-8"))
+    return tuple(run.times.tolist())
+
+
+_SAID = ("time", "area", "total_actin", "polarity")
+"""Of a run's last row, on its page."""
 
 
 def _write(run: Run, path: Path, frames: Sequence[int], field: str, ffmpeg: str) -> None:

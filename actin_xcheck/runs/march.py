@@ -21,7 +21,7 @@ from actin_xcheck.core.mesh import INTERIOR_POINTS, Mesh, quadrature_points, sig
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.runs.numerics import Numerics, equal_steps
 from actin_xcheck.runs.store import Attributes, Run, RunWriter, read_run
-from actin_xcheck.scene.resolve import mode_field, turn_matrix
+from actin_xcheck.scene.resolve import mode_field, probe_points, turn_matrix
 from actin_xcheck.scene.scene import Scene
 
 
@@ -56,6 +56,7 @@ class March(Generic[S]):
     Attributes
     ----------
     state : the last one that stands.
+    steps : how many led there.
     outcome : `completed`, unless the run has ended before its time: then how and where.
     """
 
@@ -63,7 +64,7 @@ class March(Generic[S]):
         self, solver: Solver[S], numerics: Numerics, times: Sequence[float], begin: Moment[S] | None = None
     ) -> None:
         self._solver, self._dt, self._times, self._begin = solver, numerics.dt, times, begin
-        self.state = solver.init() if begin is None else begin.state
+        self.state, self.steps = solver.init() if begin is None else begin.state, 0
         self._controller: Controller | None = None
         if numerics.rtol is not None:
             pace = (begin.pace if begin else None) or (first_step(self.state, numerics.dt), NONE)
@@ -95,7 +96,7 @@ class March(Generic[S]):
                     return
                 if abs(new.t - end) < 1e-9 * (end - start):
                     new = replace(new, t=end)
-                dt, self.state = new.t - self.state.t, new
+                dt, self.state, self.steps = new.t - self.state.t, new, self.steps + 1
                 yield self._moment(dt, new.t >= end)
 
     def _moment(self, dt: float, is_output: bool) -> Moment[S]:
@@ -239,8 +240,7 @@ class Recorder:
         self.solver, self.writer, self.passing, self.pictures = solver, writer, passing, pictures
         self.amplitude, self.progress, self.step = amplitude, progress, writer.rows
         self.end = scene.output_times[-1]
-        points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-        self.probes = solver.probes(turn_matrix(scene) @ points)
+        self.probes = solver.probes(probe_points(scene))
         self.gauged = scene.physics.closure is Closure.TRACTION_FREE
 
     def record(self, moment: Moment) -> None:

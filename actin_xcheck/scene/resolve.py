@@ -49,6 +49,11 @@ def turn_matrix(scene: Scene) -> Array:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
+def probe_points(scene: Scene) -> Array:
+    """The scene's probes (2, n) on the reference disk, in the laboratory's frame."""
+    return turn_matrix(scene) @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
+
+
 def in_scene_frame(scene: Scene, expression: Expression, x: Array, xi: Array, t: float) -> Array:
     """Evaluate an expression of x, y, r, theta, x0, y0, t at positions x of material points xi (2, ...)."""
     back = turn_matrix(scene).T

@@ -91,6 +91,7 @@
     if (!points.length) return;
     gd.reading = Math.min(Math.max((gd.reading ?? -by) + by, 0), points.length - 1);
     const point = points[gd.reading], trace = gd.data[point.curveNumber], i = point.pointNumber;
+    gd.link = trace.customdata?.[i];
     Plotly.Fx.hover(gd, [point], trace.yaxis === "y2" ? ["xy2"] : ["xy"]);
     const [x, y] = ["xaxis", "yaxis"].map(name => gd.layout[name].title?.text || "");
     gd.told.textContent = plain(trace.text ? trace.text[i].replaceAll("<br>", ", ")
@@ -104,8 +105,11 @@
     const keys = {
       "+": () => zoom(gd, 1.5), "=": () => zoom(gd, 1.5), "-": () => zoom(gd, 1 / 1.5), "0": () => Plotly.relayout(gd, gd.home),
       ArrowLeft: () => pan(gd, -.2, 0), ArrowRight: () => pan(gd, .2, 0), ArrowUp: () => pan(gd, 0, .2), ArrowDown: () => pan(gd, 0, -.2),
-      ",": () => read(gd, -1), ".": () => read(gd, 1),
+      ",": () => read(gd, -1), ".": () => read(gd, 1), Enter: () => open(gd.link),
     };
+    const open = link => { if (link) location.href = link; };
+    gd.on("plotly_click", ({ points: [point] }) => open(point.customdata));
+    gd.classList.toggle("linked", gd.data.some(trace => trace.customdata));
     gd.addEventListener("keydown", event => {
       if (event.target !== gd || event.ctrlKey || event.altKey || event.metaKey || !keys[event.key]) return;
       event.preventDefault();

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from actin_xcheck.core.errors import Ending, UserError, brief
 from actin_xcheck.core.files import replace_file
@@ -26,12 +25,12 @@ from actin_xcheck.runs.processes import Lost
 from actin_xcheck.runs.provenance import code
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import reading
-from actin_xcheck.runs.vtkhdf import whole
 from actin_xcheck.scene.scene import parse_scene
 from actin_xcheck.studies.journal import Journal, key_of, stated
 from actin_xcheck.studies.study import Report, Study, Table, Task, Tell, at_work, report_of, write_report
-from actin_xcheck.studies.sweep.charts import chapters_of
+from actin_xcheck.studies.sweep.charts import MOST_RUNS, chapters_of, film_of
 from actin_xcheck.studies.sweep.plan import SweepPoint, points_of
+from actin_xcheck.studies.sweep.table import FILE_NAME, Row, SweepTable, is_number, read_table, table_of
 
 ERROR = "error"
 """In place of an Ending, where there is no run: an exception, or a process that ended, every time."""
@@ -39,21 +38,21 @@ ERROR = "error"
 LOG = "starts.log"
 """In a sweep's folder: a line for every run that was begun, with when and where."""
 
-FILE_NAME, CSV_NAME = "sweep.h5", "sweep.csv"
-
-Row = Mapping[str, Any]
-"""What a sweep's table holds of a run, by column: numbers or text."""
+CSV_NAME = "sweep.csv"
 
 
 @dataclass(frozen=True)
 class SweepRun:
-    """A run to be made: scene (TOML), its origin, numerics, the sweep's command, how its file begins."""
+    """A run to be made: scene (TOML), its origin, numerics, the sweep's command, how its file begins, and
+    whether the page of its film is made too.
+    """
 
     text: str
     origin: str = field(compare=False)
     numerics: Wanted
     command: str = field(compare=False, default="")
     words: str = field(compare=False, default="")
+    filmed: bool = field(compare=False, default=False)
 
     @property
     def key(self) -> str:
@@ -79,23 +78,24 @@ class SweepRun:
 
 @dataclass(frozen=True)
 class SweepRan:
-    """How a run went: its outcome, and numbers by name; none where it has no file."""
+    """How a run went: its outcome, numbers by name (none where it has no file), the page of its film."""
 
     outcome: str
     message: str
     fidelity: str = ""
     numbers: tuple[tuple[str, float], ...] = ()
+    film: str = ""
 
 
 def work(asked: SweepRun, folder: Path) -> SweepRan:
     """Make a run, unless its file is there, and return how it went."""
     path = folder / asked.file
     try:
-        if found := finished(path):  # by a process that was lost before it could say so
-            return found
-        _log(asked, folder)
-        _run(asked, path)
-        return finished(path) or SweepRan(ERROR, "its file is gone")
+        if not finished(path):  # by a process that was lost before it could say so
+            _log(asked, folder)
+            _run(asked, path)
+        found = finished(path) or SweepRan(ERROR, "its file is gone")
+        return replace(found, film=film_of(folder, asked.file)) if asked.filmed else found
     except Exception as error:  # one run's mistake must not end the others
         return SweepRan(ERROR, brief(f"{type(error).__name__}: {error}", 400))
 
@@ -201,14 +201,10 @@ def runs_of(path: Path, methods: Sequence[str], asked: Wanted, command: str) -> 
 def _asked(point: SweepPoint, numerics: Wanted, command: str) -> SweepRun:
     """A run by its point; its file begins with what was varied, as "psi-3--p-0.26--", where that is short."""
     said = (
-        f"{key.rpartition('.')[2]}-{value:.6g}" for key, value in point.values.items() if _is_number(value)
+        f"{key.rpartition('.')[2]}-{value:.6g}" for key, value in point.values.items() if is_number(value)
     )
     words = "".join(f"{one}--" for one in said)
     return SweepRun(point.text, point.origin, numerics, command, words if len(words) <= 100 else "")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def sweep(runs: Runs, tasks: Sequence[Task]) -> Study:
@@ -222,7 +218,7 @@ def report(runs: Runs, answers: Sequence[SweepRan]) -> Report:
     columns = table_of(Path(), rows).columns
     completed = sum(ran.outcome == Ending.COMPLETED for ran in answers)
     varied = dict.fromkeys(_varied(key) for point, _ in runs for key in point.values)
-    shown = ("scene", *varied, "method", "outcome", "message", "steps", "area", "total_actin", "file")
+    shown = ("scene", *varied, "method", "outcome", "message", "steps", "area", "total_actin", "file", "film")
     note = "The last row of each run's series; all of its columns, and links to the runs, are in the file."
     return Report(
         f"{completed} of {len(rows)} runs completed",
@@ -248,6 +244,7 @@ def _row(point: SweepPoint, run: SweepRun, ran: SweepRan) -> Row:
         **numbers,
         "key": run.key,
         "file": run.file if ran.numbers else "",
+        "film": ran.film,
     }
 
 
@@ -301,7 +298,9 @@ def carry_out(
     -------
     The table, and how many runs were made for it.
     """
-    tasks, processes = [run.task for _, run in runs], _WhenNeeded(jobs, scheduler)
+    filmed = len(runs) <= MOST_RUNS
+    tasks = [replace(run, filmed=filmed).task for _, run in runs]
+    processes = _WhenNeeded(jobs, scheduler)
     with at_work(folder, force):
         if force:
             for _, run in runs:
@@ -319,43 +318,6 @@ def carry_out(
     return read_table(folder), processes.made
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SweepTable:
-    """The runs of a sweep in the order in which its file asks for them.
-
-    Attributes
-    ----------
-    folder : where the sweep lies; the column `file` is relative to it, and empty where a run has no file.
-    columns : one array (n_runs,) each, of numbers (nan where a run has none) or of text.  What was varied
-        stands under its dotted key (`scene.time` where it is all of `[time]`), then numerics, `outcome` and
-        `message`, then the last row of each run's series.
-    """
-
-    folder: Path
-    columns: dict[str, NDArray[Any]]
-
-    def __getitem__(self, column: str) -> NDArray[Any]:
-        return self.columns[column]
-
-    def __len__(self) -> int:
-        return len(self.columns["outcome"])
-
-    def __repr__(self) -> str:
-        return f"<SweepTable of {len(self)} runs in {self.folder}>"
-
-    def to_pandas(self) -> Any:
-        """The table as a `pandas.DataFrame`, for which pandas must be installed."""
-        import pandas
-
-        return pandas.DataFrame(self.columns)
-
-
-def table_of(folder: Path, rows: Sequence[Row]) -> SweepTable:
-    """Return rows as columns; a column is of numbers where all rows that have it have a number there."""
-    names = dict.fromkeys(name for row in rows for name in row)
-    return SweepTable(folder, {name: _column([row.get(name) for row in rows]) for name in names})
-
-
 def write(folder: Path, said: Report, command: str) -> None:
     """Write `sweep.h5`, `sweep.csv` and the page into the sweep's folder, each whole or not at all."""
     from actin_xcheck.report.page import write_page  # here: a worker draws no page
@@ -371,29 +333,3 @@ def write(folder: Path, said: Report, command: str) -> None:
     lines.writerow(columns)
     lines.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     replace_file(folder / CSV_NAME, text.getvalue().encode())
-
-
-def read_table(folder: str | Path) -> SweepTable:
-    """Return the table in a sweep's folder; UserError where there is none."""
-    folder = Path(folder)
-    with reading(folder / FILE_NAME, "sweep") as file:
-        stored = file["tables/runs"]
-        columns = {name: whole(stored, name) for name in stored}
-        return SweepTable(
-            folder,
-            {
-                name: stored[name].asstr()[()].astype(str) if values.dtype.kind == "O" else values
-                for name, values in columns.items()
-            },
-        )
-
-
-def _column(values: Sequence[Any]) -> NDArray[Any]:
-    given = [value for value in values if value is not None]
-    if all(map(_is_number, given)):
-        return np.array([np.nan if value is None else value for value in values], dtype=float)
-    return np.array(["" if value is None else _text(value) for value in values], dtype=str)
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)

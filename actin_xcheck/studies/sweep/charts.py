@@ -19,6 +19,8 @@ FIRST = ("area", "total_actin", "polarity", "steps")
 MOST_LINES, MOST_RUNS, CELLS = 12, 2000, 24
 """Of a chart, of a page that has charts, and of cells that are shown."""
 
+_CLICK = "Click a point, or press Enter where it is read, for its film."
+
 _LABELS = ("refine", "dt", "rtol", "accuracy", "key")
 
 
@@ -38,7 +40,7 @@ def chapters_of(folder: Path, columns: Columns, varied: Sequence[str]) -> tuple[
     chapters = [Chapter("cells", "The cells", "Where each run ended.", cells)] if cells else []
     if ranges:
         drawn: list[Exhibit] = [*_maps(columns, ranges), *_charts(columns, varied, ranges[0])]
-        note = f"Over {ranges[0]}; red: not completed. Numbers are those of the last row of a run."
+        note = f"Over {ranges[0]}; red: not completed. Numbers are those of the last row of a run. {_CLICK}"
         chapters.insert(0, Chapter("columns", "What was varied", note, tuple(drawn)))
     return tuple(chapters)
 
@@ -61,13 +63,33 @@ def _charts(columns: Columns, varied: Sequence[str], along: str) -> Iterator[Plo
         for label in dict.fromkeys(said[completed]) if completed.any() else ():
             of = np.flatnonzero(completed & (said == label))
             of = of[np.argsort(x[of])]
-            lines.append(Line(str(label), x[of], y[of], shape="circle"))
+            lines.append(Line(str(label), x[of], y[of], shape="circle", links=_films(columns, of)))
         failed = ~completed & np.isfinite(y)
         if failed.any():
             words = tuple(columns["outcome"][failed].tolist())
-            lines.append(Line("not completed", x[failed], y[failed], points=True, red=True, said=words))
+            gone = _films(columns, np.flatnonzero(failed))
+            drawn = Line("not completed", x[failed], y[failed], points=True, red=True, said=words, links=gone)
+            lines.append(drawn)
         log = bool(np.all(x > 0) and x.max() > 50 * x.min() and np.all(y[np.isfinite(y)] > 0))
         yield Plot(name, name.replace("_", " "), "", along, tuple(lines[-MOST_LINES:]), log=log)
+
+
+def _films(columns: Columns, rows: NDArray[Any]) -> tuple[str, ...]:
+    """The pages of runs by their rows; none where no run has one."""
+    pages = tuple(columns["film"][rows].tolist()) if "film" in columns else ()
+    return pages if any(pages) else ()
+
+
+def film_of(folder: Path, file: str) -> str:
+    """Write the page that plays a run beside it and return its place; empty without a run, or a frame."""
+    from actin_xcheck.report.pictures import render  # matplotlib is loaded where it draws
+
+    page = Path(file).with_suffix(".html")
+    try:
+        render(read_run(folder / file), folder / page)
+    except UserError:
+        return ""
+    return page.as_posix()
 
 
 def _short(columns: Columns, name: str, row: int) -> str:
@@ -85,7 +107,11 @@ def _maps(columns: Columns, ranges: Sequence[str]) -> Iterator[Regions]:
         return
     codes = np.zeros((y.size, x.size), dtype=np.int64)
     codes[up, across] = [names.index(one) for one in columns["outcome"]]
-    yield Regions("outcomes", "outcomes", "", ranges[0], ranges[1], x, y, codes, names)
+    row_at = np.zeros_like(codes)
+    row_at[up, across] = np.arange(codes.size)
+    links = tuple(_films(columns, row) for row in row_at)
+    links = links if all(links) else ()
+    yield Regions("outcomes", "outcomes", "", ranges[0], ranges[1], x, y, codes, names, links=links)
 
 
 def _cells(folder: Path, columns: Columns, varied: Sequence[str]) -> Iterator[Exhibit]:
@@ -101,6 +127,7 @@ def _cells(folder: Path, columns: Columns, varied: Sequence[str]) -> Iterator[Ex
         words = " ".join(_short(columns, name, row) for name in varied) or str(columns["scene"][row])
         outcome = "" if columns["outcome"][row] == Ending.COMPLETED else f", {columns['outcome'][row]}"
         values = run.a_points[-1][run.triangles].mean(axis=0)
-        shots.append(Shot(f"{words}{outcome}", run.points[-1], run.triangles, values))
+        link = "".join(_films(columns, np.array([row])))
+        shots.append(Shot(f"{words}{outcome}", run.points[-1], run.triangles, values, link))
     if shots:
         yield Shots("cells", "a", "", tuple(shots))
