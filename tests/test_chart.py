@@ -26,7 +26,6 @@ from actin_xcheck.scene.scene import load_scene, parse_scene
 from actin_xcheck.studies.chart import chart, default_methods, in_words
 from actin_xcheck.studies.chart.measure import (
     QUICK,
-    AskedSample,
     answered,
     cloud,
     ladder,
@@ -35,6 +34,7 @@ from actin_xcheck.studies.chart.measure import (
 )
 from actin_xcheck.studies.chart.plots import SIGNS, WORKS, Chart, chapter_of, row_of
 from actin_xcheck.studies.chart.truth import ChartedQuantity, PointKind, advise, errors_of, front, truth_of
+from actin_xcheck.studies.stored import AskedRun
 from actin_xcheck.verdicts.known import l2_error
 from tests.lab import FEM, FV, scene_of
 from tests.small import CHARTED
@@ -47,7 +47,7 @@ A, AREA, PROBES = ChartedQuantity.CONCENTRATION, ChartedQuantity.AREA, ChartedQu
 
 def sample_of(scene, point, folder=None):
     """A point as it is measured."""
-    return measured(AskedSample(scene, point), folder)
+    return measured(AskedRun(scene, point), folder)
 
 
 # the front and the advice
@@ -292,7 +292,7 @@ def test_a_ladder_is_cut_where_a_method_has_had_its_seconds(tmp_path):
 def of_points(scene, points, reference=CHARTED.reference):
     """A chart of points of no ladder."""
     coarse, fine = (
-        answered(AskedSample(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)), Path())
+        answered(AskedRun(scene, Numerics(METHODS[name], refine, scene.time.end, rtol)), Path())
         for name, refine, rtol in reference
     )
     truth = truth_of(scene, coarse, fine, "the finer one")

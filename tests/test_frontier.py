@@ -23,13 +23,13 @@ from actin_xcheck.studies.frontier.answers import (
     BOUND,
     AnswerKind,
     ConvergedPlace,
-    PlaceAnswer,
     PlaceTruth,
     answer_of,
     judge,
     truth_of,
 )
 from actin_xcheck.studies.frontier.planes import PLANES, Bisection, end_at, plane_of, point_of
+from actin_xcheck.studies.stored import LastState
 from fem.space import Space
 from tests.lab import FEM
 from tests.processes import cluster
@@ -51,7 +51,7 @@ def searched(classify, columns=65, rows=65, across=8, up=8):
 
 
 def answer(ending="completed", t=1.0, area=3.0, a=(1.0, 1.0)):
-    return PlaceAnswer(ending, f"{ending} there", t, area, 3.0, a, (0.0, 0.0, 1.0, 0.0), 0.1)
+    return LastState(ending, f"{ending} there", t, area, 3.0, a, (0.0, 0.0, 1.0, 0.0), 10, 0.0, 0.1)
 
 
 # bisection

@@ -18,11 +18,12 @@ from actin_xcheck.runs.numerics import Numerics, command
 from actin_xcheck.runs.records import read_table
 from actin_xcheck.runs.store import reading
 from actin_xcheck.scene.scene import load_scene
-from actin_xcheck.studies.chart.measure import AskedSample, Sample, command_of, measured
+from actin_xcheck.studies.chart.measure import Sample, command_of, measured
 from actin_xcheck.studies.checks import Compared
 from actin_xcheck.studies.converge import Error, Order
 from actin_xcheck.studies.faults import FAULTS, Check, control, held_against
 from actin_xcheck.studies.faults.fault import Calls, replaced, there, watched
+from actin_xcheck.studies.stored import AskedRun
 from actin_xcheck.verdicts.triangulate import Triangle
 
 COMPARISON, ORDERS = "compare.h5", "converge.h5"
@@ -210,7 +211,7 @@ class Costed:
         point = Numerics(
             method, self.refine, scene.time.end / self.steps, self.rtol if method.adaptive else None
         )
-        sample = measured(AskedSample(scene, point), folder)
+        sample = measured(AskedRun(scene, point), folder)
         kernels = float(np.median(sample.kernels))
         command = command_of(point, scene)
         claim = Claim(

@@ -61,6 +61,10 @@ class AccuracyLevel:
     worth: float
     share: float
 
+    def on(self, scene: Scene) -> Numerics:
+        """How the whole of a scene is run on it."""
+        return Numerics(self.method, self.refine, scene.time.end, self.rtol)
+
 
 LEVELS = (
     AccuracyLevel(METHODS["fem-p5-imex5"], 1, 1e-4, 1e-4, SHARE),

@@ -69,7 +69,8 @@ class March(Generic[S]):
         if numerics.rtol is not None:
             pace = (begin.pace if begin else None) or (first_step(self.state, numerics.dt), NONE)
             self._controller = Controller(numerics.rtol, numerics.method.order_dt, numerics.dt, pace)
-        self.outcome = solver.check(self.state) if self.state.t == 0 else COMPLETED
+        with np.errstate(all="ignore"):
+            self.outcome = solver.check(self.state) if self.state.t == 0 else COMPLETED
 
     @property
     def goes_on(self) -> bool:
@@ -178,8 +179,9 @@ SMALLEST = 1e-9
 
 
 def checked_step(solver: Solver[S], state: S, dt: float) -> tuple[S, Outcome]:
-    """One step; a rejected one returns the state it started from."""
-    new, outcome = solver.step(state, dt)
+    """One step; a rejected one returns the state it started from, and what overflows is one."""
+    with np.errstate(all="ignore"):
+        new, outcome = solver.step(state, dt)
     if outcome.ok and not np.isfinite(new.a).all():
         outcome = Outcome(Ending.NON_FINITE, f"the concentration is not finite at t = {new.t:.6g}")
     if outcome.ok and new.a.min() < 0:

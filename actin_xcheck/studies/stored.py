@@ -1,12 +1,17 @@
-"""Runs that a study rests on: each a task that leaves its film and series in the study's folder."""
+"""Runs that a study rests on: those that leave film and series in its folder, those read off in memory."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
+from actin_xcheck.core.contract import Probes, Solver
+from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.files import make_folder, replace_file
-from actin_xcheck.runs.march import Progress
+from actin_xcheck.runs.march import March, Progress
 from actin_xcheck.runs.numerics import Numerics, run_seconds, step_count
 from actin_xcheck.runs.run import run
 from actin_xcheck.scene.scene import Scene
@@ -17,28 +22,33 @@ COMPANIONS = 2
 
 
 @dataclass(frozen=True)
-class Stored:
+class AskedRun:
+    """A run that is asked for: what is run, and how."""
+
+    scene: Scene
+    numerics: Numerics
+
+    @property
+    def seconds(self) -> float:
+        """About what it takes."""
+        return run_seconds(self.numerics, self.scene.output_times)
+
+
+@dataclass(frozen=True)
+class Stored(AskedRun):
     """A run to be stored.
 
     Attributes
     ----------
-    scene, numerics : what is run, and how.
     file : where it goes, in the study's folder.
     scene_file : where its scene is written for the run's command, in the study's folder; empty for a scene
         that is run as the user names it.
     pictures : of its film, see `run`.
     """
 
-    scene: Scene
-    numerics: Numerics
     file: str
     scene_file: str = ""
     pictures: int = 0
-
-    @property
-    def seconds(self) -> float:
-        """About what it takes."""
-        return run_seconds(self.numerics, self.scene.output_times)
 
     @property
     def task(self) -> Task:
@@ -86,3 +96,66 @@ def run_stored(job: Stored, folder: Path, progress: Progress = lambda done, tota
     began = time.perf_counter()
     outcome = run(job.scene, job.numerics, path, made, progress, pictures=job.pictures)
     return Ran(str(outcome.ending), outcome.message, time.perf_counter() - began)
+
+
+@dataclass(frozen=True)
+class LastState:
+    """What a run in memory says at its end, or in the last state that stood.
+
+    Attributes
+    ----------
+    ending, message : its Outcome.
+    t : the time it came to.
+    area, total_actin : of the cell then.
+    a, x : concentrations and positions (interleaved) of the points that were asked for.
+    steps : that were made.
+    residual : largest balance residual of one.
+    seconds : what it took.
+    """
+
+    ending: str
+    message: str
+    t: float
+    area: float
+    total_actin: float
+    a: tuple[float, ...]
+    x: tuple[float, ...]
+    steps: int
+    residual: float
+    seconds: float
+
+    @property
+    def completed(self) -> bool:
+        """Whether it came to its end."""
+        return self.ending == Ending.COMPLETED
+
+
+def last_state(
+    solver: Solver, numerics: Numerics, times: Sequence[float], probes: Probes, began: float
+) -> LastState:
+    """Run to the last of the times, or to where the run fails, and read its last state off.
+
+    Parameters
+    ----------
+    solver, numerics, times : see `March`.
+    probes : what reads the points that are asked for off a state.
+    began : when the work on it did, by `time.perf_counter`.
+    """
+    march, residual = March(solver, numerics, times), 0.0
+    for moment in march:
+        residual = max(residual, abs(moment.state.balance_residual))
+    with np.errstate(all="ignore"):  # what stood last may be as good as broken
+        measured = solver.measure(march.state)
+        a, x = probes(march.state)
+    return LastState(
+        ending=str(march.outcome.ending),
+        message=march.outcome.message,
+        t=float(march.state.t),
+        area=measured.area,
+        total_actin=measured.total_actin,
+        a=tuple(a.tolist()),
+        x=tuple(x.ravel().tolist()),
+        steps=march.steps,
+        residual=residual,
+        seconds=time.perf_counter() - began,
+    )

@@ -17,7 +17,6 @@ from actin_xcheck.studies.chart.measure import (
     REPEATS,
     SHORT,
     WHOLE,
-    AskedSample,
     Plan,
     Sample,
     SampleAnswer,
@@ -29,6 +28,7 @@ from actin_xcheck.studies.chart.measure import (
 )
 from actin_xcheck.studies.chart.plots import WORKS, Chart, chapter_of, row_of
 from actin_xcheck.studies.chart.truth import WRONG, ChartedQuantity, truth_of
+from actin_xcheck.studies.stored import AskedRun
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 
 NEEDED = 1e-4
@@ -108,9 +108,7 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
     """Measure all points of a scene's chart, rung by rung, and its terms."""
     fixed = reference_points(scene, plan)
     climbs = [_Climb(scene, ladder(scene, method, plan), plan.budget) for method in methods]
-    held = [
-        Task(answered, AskedSample(scene, point), run_seconds(point, scene.output_times)) for point in fixed
-    ]
+    held = [Task(answered, one, one.seconds) for one in (AskedRun(scene, point) for point in fixed)]
     coarse, fine, *traces = yield Batch((*held, *ledger_tasks(scene)), later=len(climbs) * plan.budget)
     while under_way := [climb for climb in climbs if climb.goes_on()]:
         tasks = [_timed(scene, climb.rungs[0], climb.expected(climb.rungs[0])) for climb in under_way]
@@ -135,7 +133,7 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
 
 
 def _timed(scene: Scene, point: Numerics, seconds: float) -> Task:
-    return Task(measured, AskedSample(scene, point), seconds, alone=True)
+    return Task(measured, AskedRun(scene, point), seconds, alone=True)
 
 
 def in_words(chart: Chart) -> str:

@@ -18,9 +18,11 @@ from actin_xcheck.report.exhibits import Sheet
 from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, seconds_of
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.runs.run import solver_for
-from actin_xcheck.scene.resolve import TERMS, Term, mesh_of, resolve, turn_matrix
+from actin_xcheck.scene.resolve import TERMS, Term, mesh_of, resolve
 from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.chart.measure import Trace, outputs_of, trace_of
 from actin_xcheck.studies.study import Task
 
 METHOD, REFINE, RTOL = METHODS["fem-p3-imex4"], 2, 1e-6
@@ -103,26 +105,13 @@ class LedgerRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
-    """What is kept of a run.
-
-    Attributes
-    ----------
-    times : the initial and the output times that it reached, (k,).
-    area, total_actin, probe_a, probe_x : at these, (k,), (k,), (k, n) and (k, n, 2).
-    steps : how many it took.
-    seconds : of a step of the whole scene, and of one of this run, (2,).
-    ending : how it ended.
+class LedgerTrace(Trace):
+    """What is kept of a run: how many steps it took, and the seconds of one of the whole scene's and of its
+    own, (2,).
     """
 
-    times: Array
-    area: Array
-    total_actin: Array
-    probe_a: Array
-    probe_x: Array
     steps: int
     seconds: Array
-    ending: str
 
 
 def ledger_tasks(scene: Scene, refine: int = REFINE) -> list[Task]:
@@ -137,7 +126,7 @@ def ledger_tasks(scene: Scene, refine: int = REFINE) -> list[Task]:
     ]
 
 
-def ledger(scene: Scene, accuracy: float, traces: Sequence[Trace]) -> tuple[LedgerEntry, ...]:
+def ledger(scene: Scene, accuracy: float, traces: Sequence[LedgerTrace]) -> tuple[LedgerEntry, ...]:
     """What each term of a scene costs and what dropping it would change.
 
     Parameters
@@ -155,7 +144,7 @@ def ledger(scene: Scene, accuracy: float, traces: Sequence[Trace]) -> tuple[Ledg
     return tuple(_entry(term, problem, whole, without.get(term.name), resolved, accuracy) for term in there)
 
 
-def traced(asked: LedgerRun, folder: Path) -> Trace:
+def traced(asked: LedgerRun, folder: Path) -> LedgerTrace:
     """Run a scene without a term on a mesh so many times finer."""
     scene, finer = asked.scene, asked.finer
     problem = resolve(scene)
@@ -164,29 +153,12 @@ def traced(asked: LedgerRun, folder: Path) -> Trace:
     if asked.without:
         solvers.append(solver_for(_OF[asked.without].drop(problem), METHOD, mesh))
     solver = solvers[-1]
-    points = turn_matrix(scene) @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-    end, probes = scene.output_times[-1], solver.probes(points)
+    end = scene.output_times[-1]
     numerics = Numerics(METHOD, asked.refine + finer, end, RTOL / 10**finer)
-    march, steps, outputs = March(solver, numerics, scene.output_times), -1, []  # the first is no step
-    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        for moment in march:
-            steps += 1
-            if moment.is_output:
-                outputs.append(moment.state)
-        measured = [solver.measure(state) for state in outputs]
-        read = [probes(state) for state in outputs]
+    march = March(solver, numerics, scene.output_times)
+    said = trace_of(scene, solver, march, outputs_of(march))
     seconds = _step_seconds(solvers, end / 100)
-    count = points.shape[1]
-    return Trace(
-        times=np.array([state.t for state in outputs]),
-        area=np.array([one.area for one in measured]),
-        total_actin=np.array([one.total_actin for one in measured]),
-        probe_a=np.array([a for a, _ in read]).reshape(len(read), count),
-        probe_x=np.array([x for _, x in read]).reshape(len(read), count, 2),
-        steps=steps,
-        seconds=np.array([seconds[0], seconds[-1]]),
-        ending=str(march.outcome.ending),
-    )
+    return gathered(LedgerTrace, said, steps=march.steps, seconds=np.array([seconds[0], seconds[-1]]))
 
 
 def _step_seconds(solvers: Sequence[Solver], dt: float) -> list[float]:
@@ -203,9 +175,7 @@ def _step_seconds(solvers: Sequence[Solver], dt: float) -> list[float]:
 
 def _changes(one: Trace, other: Trace) -> dict[str, float]:
     """Largest changes over the output times both reached, by measure; nan where there is none."""
-    pairs = [
-        (i, j) for i, t in enumerate(one.times) for j, other_t in enumerate(other.times) if 0 < t == other_t
-    ]
+    pairs = [(i, j) for i, t in enumerate(one.times) for j, other_t in enumerate(other.times) if t == other_t]
     if not pairs:
         return dict.fromkeys(MEASURES, np.nan)
     relative = {"area", "total_actin"}
@@ -220,7 +190,12 @@ def _changes(one: Trace, other: Trace) -> dict[str, float]:
 
 
 def _entry(
-    term: Term, problem: Problem, whole: Trace, without: Trace | None, resolved: float, accuracy: float
+    term: Term,
+    problem: Problem,
+    whole: LedgerTrace,
+    without: LedgerTrace | None,
+    resolved: float,
+    accuracy: float,
 ) -> LedgerEntry:
     """The entry of a term from the runs with and without it; without a run it is idle."""
     if without is None:

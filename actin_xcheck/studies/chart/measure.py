@@ -7,6 +7,7 @@ has its errors.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,9 +21,11 @@ from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, run_seconds
 from actin_xcheck.runs.provenance import forget_peak, peak_memory, reference_kernel
+from actin_xcheck.runs.records import gathered
 from actin_xcheck.runs.run import bind
-from actin_xcheck.scene.resolve import turn_matrix
+from actin_xcheck.scene.resolve import probe_points, turn_matrix
 from actin_xcheck.scene.scene import Scene
+from actin_xcheck.studies.stored import AskedRun
 
 COARSEST_STEPS = 4
 """Equal steps on the mesh of refine 2, where h = 1/4."""
@@ -115,35 +118,30 @@ ANGLES = 31
 """Odd, so that a field with mirror lines is seen at angles that its symmetry does not repeat."""
 
 
-@dataclass(frozen=True)
-class AskedSample:
-    """A run that is asked for: a point of a scene's chart."""
-
-    scene: Scene
-    point: Numerics
-
-    def __str__(self) -> str:
-        return f"{self.point.method.name} ({self.point.words})"
-
-
 @dataclass(frozen=True, eq=False)
-class SampleAnswer:
-    """What a run says.
+class Trace:
+    """What a run says at its output times.
 
     Attributes
     ----------
     ending, message : of its Outcome.
     times : output times that were reached, (k,).
-    area, probe_a, probe_x : at these times, (k,), (k, n) and (k, n, 2).
-    cloud_a, cloud_x : at the points of `cloud` in the last state, (m,) and (m, 2).
+    area, total_actin, probe_a, probe_x : at these times, (k,), (k,), (k, n) and (k, n, 2).
     """
 
     ending: str
     message: str
     times: Array
     area: Array
+    total_actin: Array
     probe_a: Array
     probe_x: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SampleAnswer(Trace):
+    """What a run says at its output times, and of `cloud` in its last state, (m,) and (m, 2)."""
+
     cloud_a: Array
     cloud_x: Array
 
@@ -229,12 +227,12 @@ class _Counted:
         return self._solver.step(state, dt)
 
 
-def measured(asked: AskedSample, folder: Path) -> Sample:
+def measured(asked: AskedRun, folder: Path) -> Sample:
     """Run a point and measure it, the reference kernel beside it; to be called in a process of its own.
 
     A first step on the coarsest mesh loads whatever the method needs, which is no part of its work.
     """
-    scene, point = asked.scene, asked.point
+    scene, point = asked.scene, asked.numerics
     kernel = [reference_kernel()]
     _warm_up(scene, point)
     forget_peak()
@@ -250,8 +248,8 @@ def measured(asked: AskedSample, folder: Path) -> Sample:
         wall=np.array([run.wall for run in runs]),
         cpu=np.array([run.cpu for run in runs]),
         kernel=np.stack(kernel),
-        steps=last.steps,
-        rejected=last.solver.tried - last.steps,
+        steps=last.march.steps,
+        rejected=last.solver.tried - last.march.steps,
         cells=last.solver.mesh.triangles.shape[1],
         factorisations=last.work.get(FACTORISATIONS, 0),
         solves=last.work.get(SOLVES, 0),
@@ -260,22 +258,21 @@ def measured(asked: AskedSample, folder: Path) -> Sample:
     )
 
 
-def answered(asked: AskedSample, folder: Path) -> SampleAnswer:
+def answered(asked: AskedRun, folder: Path) -> SampleAnswer:
     """Run a point that others are held against, beside other work."""
-    return _answer(asked.scene, _timed(asked.scene, asked.point))
+    return _answer(asked.scene, _timed(asked.scene, asked.numerics))
 
 
 @dataclass(frozen=True, eq=False)
 class _Timed:
     """One repetition: seconds of wall and processor time, counted work, and what can be read off.
 
-    `outputs` are the states at the output times, the initial one among them; reading them is no part of it.
+    `outputs` are the states at the output times; reading them is no part of it.
     """
 
     wall: float
     cpu: float
     work: dict[str, int]
-    steps: int
     outputs: list[State]
     solver: _Counted
     march: March
@@ -283,17 +280,12 @@ class _Timed:
 
 def _timed(scene: Scene, point: Numerics) -> _Timed:
     WORK.clear()
-    steps, outputs = -1, []  # the initial state is no step
     began = time.perf_counter(), time.process_time()
     solver = _Counted(bind(scene, point))
-    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        march = March(solver, point, scene.output_times)
-        for moment in march:
-            steps += 1
-            if moment.is_output:
-                outputs.append(moment.state)
+    march = March(solver, point, scene.output_times)
+    outputs = outputs_of(march)
     wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
-    return _Timed(wall, cpu, dict(WORK), steps, outputs, solver, march)
+    return _Timed(wall, cpu, dict(WORK), outputs, solver, march)
 
 
 def _warm_up(scene: Scene, point: Numerics) -> None:
@@ -305,18 +297,27 @@ def _warm_up(scene: Scene, point: Numerics) -> None:
 
 
 def _answer(scene: Scene, run: _Timed) -> SampleAnswer:
-    turn, count = turn_matrix(scene), len(scene.probes.points)
-    reached = [state for state in run.outputs if state.t in scene.output_times]
-    probes = run.solver.probes(turn @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T)
-    read = [probes(state) for state in reached]
-    cloud_a, cloud_x = run.solver.probes(turn @ cloud(scene.parameters.l0)[0])(run.march.state)
-    return SampleAnswer(
-        ending=str(run.march.outcome.ending),
-        message=run.march.outcome.message,
-        times=np.array([state.t for state in reached]),
-        area=np.array([run.solver.measure(state).area for state in reached]),
+    points = turn_matrix(scene) @ cloud(scene.parameters.l0)[0]
+    cloud_a, cloud_x = run.solver.probes(points)(run.march.state)
+    said = trace_of(scene, run.solver, run.march, run.outputs)
+    return gathered(SampleAnswer, said, cloud_a=cloud_a, cloud_x=cloud_x)
+
+
+def outputs_of(march: March) -> list[State]:
+    """Go through a run: its states at the output times, without the initial one."""
+    return [moment.state for moment in march if moment.is_output and moment.dt]
+
+
+def trace_of(scene: Scene, solver: Solver, march: March, outputs: Sequence[State]) -> Trace:
+    """What a run that is over says by the states of `outputs_of`."""
+    probes, count = solver.probes(probe_points(scene)), len(scene.probes.points)
+    read, measured = [probes(state) for state in outputs], [solver.measure(state) for state in outputs]
+    return Trace(
+        ending=str(march.outcome.ending),
+        message=march.outcome.message,
+        times=np.array([state.t for state in outputs]),
+        area=np.array([one.area for one in measured]),
+        total_actin=np.array([one.total_actin for one in measured]),
         probe_a=np.array([a for a, _ in read]).reshape(len(read), count),
         probe_x=np.array([x for _, x in read]).reshape(len(read), count, 2),
-        cloud_a=cloud_a,
-        cloud_x=cloud_x,
     )

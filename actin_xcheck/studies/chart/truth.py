@@ -9,7 +9,7 @@ import numpy as np
 
 from actin_xcheck.core.model import Array
 from actin_xcheck.runs.accuracy import SHARE
-from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
+from actin_xcheck.scene.resolve import in_scene_frame, probe_points, turn_matrix
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.chart.measure import SampleAnswer, cloud
 
@@ -112,8 +112,8 @@ def errors_of(truth: ChartTruth, answer: SampleAnswer) -> dict[ChartedQuantity, 
     """Return the errors of a run; nan where it failed or nothing is known."""
     scene, cloud_a, probe_a = truth.scene, truth.fine.cloud_a, truth.probe_a
     if scene.expect.exact and answer.ending == "completed":
-        points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-        cloud_a = _exact(scene, cloud(scene.parameters.l0)[0], answer.cloud_x, scene.output_times[-1])
+        points, turn = probe_points(scene), turn_matrix(scene)
+        cloud_a = _exact(scene, turn @ cloud(scene.parameters.l0)[0], answer.cloud_x, scene.output_times[-1])
         probe_a = np.array(
             [_exact(scene, points, x, t) for x, t in zip(answer.probe_x, answer.times, strict=True)]
         )
@@ -124,9 +124,9 @@ def errors_of(truth: ChartTruth, answer: SampleAnswer) -> dict[ChartedQuantity, 
 
 
 def _exact(scene: Scene, points: Array, x: Array, t: float) -> Array:
-    """The exact concentration (n,) of material points (2, n) of the scene's frame that are at x (n, 2)."""
+    """The exact concentration (n,) of material points (2, n) that are at x (n, 2)."""
     assert scene.expect.exact is not None
-    return in_scene_frame(scene, scene.expect.exact.a, x.T, turn_matrix(scene) @ points, t)
+    return in_scene_frame(scene, scene.expect.exact.a, x.T, points, t)
 
 
 def _errors(

@@ -181,9 +181,7 @@ def _rims(asked: Ripples, m: int) -> tuple[Array, str]:
     numerics = Numerics(find_method(asked.method), asked.refine, DT)
     solver = bind(scene, numerics)
     march = March(solver, numerics, scene.output_times)
-    with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
-        rims = rims_of(solver, [moment.state for moment in march])
-    ended = march.outcome
+    rims, ended = rims_of(solver, [moment.state for moment in march]), march.outcome
     return rims, "" if ended.ok else f"{ended.ending.replace('_', ' ')}, {ended.message}"
 
 
@@ -324,8 +322,7 @@ def follow(course: Course, folder: Path) -> Rim:
     replace_file(file, scene.text.encode())
     solver = bind(scene, course.numerics)
     march = March(solver, course.numerics, scene.output_times)
-    with np.errstate(all="ignore"):  # what overflows in a run ends as its Outcome
-        states = [moment.state for moment in march]
-        rims = rims_of(solver, states)
+    states = [moment.state for moment in march]
+    rims = rims_of(solver, states)
     times, ended = np.array([state.t for state in states]), march.outcome
     return Rim(course, times, rims, str(ended.ending), ended.message)

@@ -16,12 +16,12 @@ from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.distort.cases import (
     Case,
     CaseAnswer,
-    ConvergedCase,
     Family,
     answer_of,
     cases_of,
     converged,
 )
+from actin_xcheck.studies.stored import AskedRun, LastState
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 LOST = 0.5
@@ -309,7 +309,7 @@ def distort(
         for method in methods
         for case in cases_of(scene, method, family, severity)
     }
-    truths = [ConvergedCase.at(scene, level) for scene, _ in scenes for level in truth_levels]
+    truths = [AskedRun(scene, level.on(scene)) for scene, _ in scenes for level in truth_levels]
     answers = yield [*(Task(converged, truth, truth.seconds) for truth in truths), *cases.values()]
     of_case = dict(zip(cases, answers[len(truths) :], strict=True))
     rows: list[DistortRow] = []
@@ -317,7 +317,8 @@ def distort(
     for number, (scene, families) in enumerate(scenes):
         coarse, fine = answers[2 * number : 2 * number + 2]
         known = _known(scene, coarse, fine, truth_levels[1])
-        told.append(f"{scene.name}: {truths[2 * number + 1].words}, known to {known:.1e}")
+        level = f"{truth_levels[1].method.name}, {truths[2 * number + 1].numerics.words}"
+        told.append(f"{scene.name}: {level}, known to {known:.1e}")
         found = {
             case: _row_of(scene, case, answer, fine, known)
             for case, answer in of_case.items()
@@ -352,31 +353,31 @@ def _pairs(
     ]
 
 
-def _known(scene: Scene, coarse: CaseAnswer, fine: CaseAnswer, level: AccuracyLevel) -> float:
+def _known(scene: Scene, coarse: LastState, fine: LastState, level: AccuracyLevel) -> float:
     """How far the converged run may be off: area and concentrations, relative."""
-    if fine.ending != "completed":
+    if not fine.completed:
         raise UserError(f"{scene.origin}: its converged run ends ({fine.message}); valid: one that does not")
     change = max(abs(coarse.area / fine.area - 1), float(np.abs(np.subtract(coarse.a, fine.a)).max()))
     return level.share * change
 
 
-def _row_of(
-    scene: Scene, case: Case, answer: CaseAnswer, exact: CaseAnswer, uncertainty: float
-) -> DistortRow:
+def _row_of(scene: Scene, case: Case, answer: CaseAnswer, exact: LastState, uncertainty: float) -> DistortRow:
     probes = len(scene.probes.points)
-    off = np.subtract(answer.a, exact.a)
-    known = 1.0 if answer.ending == "completed" else math.nan
+    said = answer.said
+    off = np.subtract(said.a, exact.a)
+    known = 1.0 if said.completed else math.nan
     return gathered(
         DistortRow,
         case,
         answer,
+        said,
         scene=scene.name,
-        area_error=known * abs(answer.area / exact.area - 1),
+        area_error=known * abs(said.area / exact.area - 1),
         probes_error=known * float(np.abs(off[:probes]).max(initial=0.0)),
         a_error=known * float(np.linalg.norm(off[probes:]) / np.linalg.norm(exact.a[probes:])),
         uncertainty=uncertainty,
-        steps_made=answer.steps,
-        seconds=answer.seconds,
+        steps_made=said.steps,
+        seconds=said.seconds,
         command=case.command(scene),
     )
 

@@ -14,11 +14,9 @@ from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.linear import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta
-from actin_xcheck.runs.accuracy import AccuracyLevel
-from actin_xcheck.runs.march import March
 from actin_xcheck.runs.method import Method, find_method
-from actin_xcheck.runs.numerics import Numerics, chosen_steps, command, seconds_of
-from actin_xcheck.runs.run import solver_for
+from actin_xcheck.runs.numerics import Numerics, command, seconds_of
+from actin_xcheck.runs.run import bind, solver_for
 from actin_xcheck.scene.outline import (
     aspects,
     flattened,
@@ -29,8 +27,9 @@ from actin_xcheck.scene.outline import (
     without_layers,
     write_mesh,
 )
-from actin_xcheck.scene.resolve import mesh_of, resolve
+from actin_xcheck.scene.resolve import probe_points, resolve
 from actin_xcheck.scene.scene import Scene, parse_scene
+from actin_xcheck.studies.stored import AskedRun, LastState, last_state
 
 
 @dataclass(frozen=True)
@@ -203,61 +202,24 @@ def check(scene: Scene, methods: Sequence[Method]) -> None:
 
 
 @dataclass(frozen=True)
-class ConvergedCase:
-    """A run on the disk's own mesh that others are held against: a scene (TOML) and the level."""
-
-    scene: str
-    method: str
-    refine: int
-    rtol: float
-
-    @classmethod
-    def at(cls, scene: Scene, level: AccuracyLevel) -> "ConvergedCase":
-        """A scene's run on a level."""
-        return cls(scene.text, level.method.name, level.refine, level.rtol)
-
-    @property
-    def seconds(self) -> float:
-        """About what it takes."""
-        method = find_method(self.method)
-        return seconds_of(method, self.refine, chosen_steps(method, self.rtol))
-
-    @property
-    def words(self) -> str:
-        """The level for a reader."""
-        return f"{self.method}, refine {self.refine}, rtol {self.rtol:g}"
-
-
-@dataclass(frozen=True)
 class CaseAnswer:
-    """What a run says in its last state, and how it got there.
+    """What a run says, and how it got there.
 
     Attributes
     ----------
-    ending, message : its Outcome.
-    area : of the cell.
-    a : concentrations at the scene's probes, then at the points of `cloud`.
-    residual : largest balance residual of a step.
+    said : in its last state, of the points of `read_at`.
     cells : of the mesh.
     aspect, angle : of its worst cells, see `distortion`; degrees.
     solves, factorisations, iterations : of linear systems; iterations are those of Krylov methods.
-    steps : that were made.
-    seconds : what it took.
     """
 
-    ending: str
-    message: str
-    area: float
-    a: tuple[float, ...]
-    residual: float
+    said: LastState
     cells: int
     aspect: float
     angle: float
     solves: int
     factorisations: int
     iterations: int
-    steps: int
-    seconds: float
 
 
 def answer_of(case: Case, folder: Path) -> CaseAnswer:
@@ -269,14 +231,33 @@ def answer_of(case: Case, folder: Path) -> CaseAnswer:
     replace_file(files[0], case.scene.encode())
     write_mesh(files[1], mesh)
     numerics = Numerics(method, case.refine, scene.time.end / case.steps, mesh=mesh)
-    return _answer(scene, solver_for(resolve(scene), method, mesh), numerics)
+    solver = solver_for(resolve(scene), method, mesh)
+    WORK.clear()
+    said = _said(scene, solver, numerics)
+    return CaseAnswer(
+        said=said,
+        cells=mesh.triangles.shape[1],
+        aspect=float(aspects(mesh.xi, mesh.triangles).max()),
+        angle=largest_angle(mesh.xi, mesh.triangles),
+        solves=WORK[SOLVES],
+        factorisations=WORK[FACTORISATIONS],
+        iterations=WORK[ITERATIONS],
+    )
 
 
-def converged(asked: ConvergedCase, folder: Path) -> CaseAnswer:
-    """Run a scene with steps chosen by their error."""
-    scene, method = parse_scene(asked.scene, "a scene"), find_method(asked.method)
-    solver = solver_for(resolve(scene), method, mesh_of(scene, asked.refine))
-    return _answer(scene, solver, Numerics(method, asked.refine, scene.time.end, asked.rtol))
+def converged(asked: AskedRun, folder: Path) -> LastState:
+    """A run on the disk's own mesh that others are held against."""
+    return _said(asked.scene, bind(asked.scene, asked.numerics), asked.numerics)
+
+
+def _said(scene: Scene, solver: Solver, numerics: Numerics) -> LastState:
+    began, probes = time.perf_counter(), solver.probes(read_at(scene))
+    return last_state(solver, numerics, scene.output_times, probes, began)
+
+
+def read_at(scene: Scene) -> Array:
+    """Where runs are compared, (2, n): at the scene's probes, then at the points of `cloud`."""
+    return np.hstack([probe_points(scene), cloud(scene.parameters.l0)])
 
 
 def cloud(l0: float) -> Array:
@@ -285,31 +266,3 @@ def cloud(l0: float) -> Array:
     radii = np.concatenate([l0 * np.sqrt(middles[0]), np.sqrt(l0**2 + (1 - l0**2) * middles[1])])
     theta = 2 * np.pi * (np.arange(31) + 0.5) / 31  # odd: no mirror line of a scene is seen twice
     return np.array([np.outer(radii, np.cos(theta)), np.outer(radii, np.sin(theta))]).reshape(2, -1)
-
-
-def _answer(scene: Scene, solver: Solver, numerics: Numerics) -> CaseAnswer:
-    began, residual, steps = time.perf_counter(), 0.0, -1  # the initial state is no step
-    WORK.clear()
-    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        march = March(solver, numerics, scene.output_times)
-        for moment in march:
-            steps, residual = steps + 1, max(residual, abs(moment.state.balance_residual))
-        points = np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
-        a, _ = solver.probes(np.hstack([points, cloud(scene.parameters.l0)]))(march.state)
-        area = solver.measure(march.state).area
-    mesh = solver.mesh
-    return CaseAnswer(
-        ending=str(march.outcome.ending),
-        message=march.outcome.message,
-        area=area,
-        a=tuple(a.tolist()),
-        residual=residual,
-        cells=mesh.triangles.shape[1],
-        aspect=float(aspects(mesh.xi, mesh.triangles).max()),
-        angle=largest_angle(mesh.xi, mesh.triangles),
-        solves=WORK[SOLVES],
-        factorisations=WORK[FACTORISATIONS],
-        iterations=WORK[ITERATIONS],
-        steps=steps,
-        seconds=time.perf_counter() - began,
-    )

@@ -20,7 +20,6 @@ from actin_xcheck.studies.frontier.answers import (
     AnswerKind,
     ConvergedPlace,
     JudgedAnswer,
-    PlaceAnswer,
     PlaceTruth,
     answer_of,
     judge,
@@ -41,6 +40,7 @@ from actin_xcheck.studies.frontier.planes import (
     end_at,
     point_of,
 )
+from actin_xcheck.studies.stored import LastState
 from actin_xcheck.studies.study import Report, Study, Table, Task
 
 _DECADES = (10.0, 100.0, 1e3, 1e4)
@@ -176,7 +176,7 @@ class FrontierRow:
 class _Known:
     """What has been run, by what was asked: answers of points and truths of scenes (TOML)."""
 
-    answers: dict[Point, PlaceAnswer] = field(default_factory=dict)
+    answers: dict[Point, LastState] = field(default_factory=dict)
     truths: dict[str, PlaceTruth] = field(default_factory=dict)
 
     def judged(self, point: Point) -> JudgedAnswer:

@@ -14,14 +14,13 @@ from actin_xcheck.core.contract import Probes
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel, estimated
-from actin_xcheck.runs.march import March
-from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, seconds_of
 from actin_xcheck.runs.processes import Lost
 from actin_xcheck.runs.run import bind
-from actin_xcheck.scene.resolve import turn_matrix
-from actin_xcheck.scene.scene import parse_scene
+from actin_xcheck.scene.resolve import probe_points
+from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.frontier.planes import MOST_STEPS, Point
+from actin_xcheck.studies.stored import LastState, last_state
 
 BOUND = 1e-2
 """A completed run whose error is larger is silently wrong."""
@@ -40,34 +39,6 @@ TRUTH_MOST = 0.5
 
 
 @dataclass(frozen=True)
-class PlaceAnswer:
-    """What a run says at its end, or in the last state that stood.
-
-    Attributes
-    ----------
-    ending, message : its Outcome.
-    t : the time it came to.
-    area, total_actin : of the cell then.
-    a, x : concentrations and positions (interleaved) of the scene's probes.
-    seconds : what it took.
-    """
-
-    ending: str
-    message: str
-    t: float
-    area: float
-    total_actin: float
-    a: tuple[float, ...]
-    x: tuple[float, ...]
-    seconds: float
-
-    @property
-    def completed(self) -> bool:
-        """Whether it came to its end."""
-        return self.ending == Ending.COMPLETED
-
-
-@dataclass(frozen=True)
 class PlaceTruth:
     """The answer of a converged run, by the finest level that was needed.
 
@@ -79,7 +50,7 @@ class PlaceTruth:
         do not end alike.
     """
 
-    answer: PlaceAnswer
+    answer: LastState
     level: str
     uncertainty: float
 
@@ -95,10 +66,10 @@ class PlaceTruth:
         return ended and self.uncertainty <= TRUTH_MOST * self.bound
 
 
-def lost_answer(asked: object, lost: Lost) -> PlaceAnswer:
+def lost_answer(asked: object, lost: Lost) -> LastState:
     """The answer of a run whose processes ended under it: a failure of which nothing else is known."""
-    nan = float("nan")
-    return PlaceAnswer(str(Ending.INTERRUPTED), lost.message, nan, nan, nan, (), (), nan)
+    unknown = dict.fromkeys(("t", "area", "total_actin", "residual", "seconds"), math.nan)
+    return LastState(str(Ending.INTERRUPTED), lost.message, a=(), x=(), steps=0, **unknown)
 
 
 def lost_truth(asked: "ConvergedPlace", lost: Lost) -> PlaceTruth:
@@ -111,7 +82,7 @@ ERRORS = ("area", "total_actin", "a", "x")
 positions (in radii of the disk)."""
 
 
-def errors_between(answer: PlaceAnswer, truth: PlaceAnswer) -> tuple[float, ...]:
+def errors_between(answer: LastState, truth: LastState) -> tuple[float, ...]:
     """The errors of `ERRORS` between two completed runs."""
     a, x = np.subtract(answer.a, truth.a), np.subtract(answer.x, truth.x).reshape(-1, 2)
     return (
@@ -122,12 +93,12 @@ def errors_between(answer: PlaceAnswer, truth: PlaceAnswer) -> tuple[float, ...]
     )
 
 
-def answer_of(point: Point, folder: Path) -> PlaceAnswer:
+def answer_of(point: Point, folder: Path) -> LastState:
     """Run a point in memory with equal steps, and leave its scene, which the point's command names."""
     file = folder / point.file
     file.parent.mkdir(exist_ok=True)
     replace_file(file, point.scene.encode())
-    return _run(point.scene, point.method, point.refine, point.dt, None)
+    return _run(_parsed(point.scene), point.numerics)
 
 
 @dataclass(frozen=True)
@@ -148,14 +119,15 @@ class ConvergedPlace:
 
 def truth_of(asked: ConvergedPlace, folder: Path) -> PlaceTruth:
     """Run a scene on finer and finer levels until two agree to `TRUTH_SHARE` of the bound."""
-    answers: list[PlaceAnswer] = []
+    answers: list[LastState] = []
     truth: PlaceTruth | None = None
     first, behind = asked.levels
-    levels = LEVELS[first:behind]
+    scene, levels = _parsed(asked.scene), LEVELS[first:behind]
     for level in levels:
-        answers.append(_run(asked.scene, level.method.name, level.refine, None, level.rtol))
+        numerics = level.on(scene)
+        answers.append(_run(scene, numerics))
         if len(answers) > 1:
-            words = f"{level.method.name}, refine {level.refine}, rtol {level.rtol:g}"
+            words = f"{level.method.name}, {numerics.words}"
             truth = PlaceTruth(answers[-1], words, _uncertainty(answers, levels))
             if truth.uncertainty <= TRUTH_SHARE * truth.bound:
                 break
@@ -163,13 +135,17 @@ def truth_of(asked: ConvergedPlace, folder: Path) -> PlaceTruth:
     return truth
 
 
-def _uncertainty(answers: Sequence[PlaceAnswer], levels: Sequence[AccuracyLevel]) -> float:
+def _parsed(text: str) -> Scene:
+    return parse_scene(text, "a point of the plane")
+
+
+def _uncertainty(answers: Sequence[LastState], levels: Sequence[AccuracyLevel]) -> float:
     """Of the last level, by the changes to it and to those before."""
     changes = [_change(one, other) for one, other in pairwise(answers)]
     return estimated(changes, [level.share for level in levels[1 : len(answers)]])
 
 
-def _change(coarse: PlaceAnswer, fine: PlaceAnswer) -> float:
+def _change(coarse: LastState, fine: LastState) -> float:
     if coarse.ending != fine.ending:
         return float("nan")
     return max(errors_between(coarse, fine)) if fine.completed else abs(coarse.t / fine.t - 1)
@@ -179,32 +155,12 @@ _PROBES: dict[Hashable, Probes] = {}
 """What reads the cloud off states, by method, mesh and points: finding them takes longer than many a run."""
 
 
-def _run(text: str, method: str, refine: int, dt: float | None, rtol: float | None) -> PlaceAnswer:
-    """Run a scene with equal steps of dt, or with steps chosen by their error."""
-    began = time.perf_counter()
-    scene = parse_scene(text, "a point of the plane")
-    numerics = Numerics(find_method(method), refine, dt or scene.time.end, rtol)
-    solver = bind(scene, numerics)
-    with np.errstate(all="ignore"):  # what is not finite ends a run as a value
-        march = March(solver, numerics, scene.output_times)
-        for _ in march:
-            pass
-        last, outcome = march.state, march.outcome
-        measured = solver.measure(last)
-        where = (method, refine, scene.parameters.l0, scene.domain.rotation, scene.probes.points)
-        if where not in _PROBES:
-            _PROBES[where] = solver.probes(turn_matrix(scene) @ np.array(scene.probes.points).T)
-        a, x = _PROBES[where](last)
-    return PlaceAnswer(
-        str(outcome.ending),
-        outcome.message,
-        float(last.t),
-        measured.area,
-        measured.total_actin,
-        tuple(a.tolist()),
-        tuple(x.ravel().tolist()),
-        time.perf_counter() - began,
-    )
+def _run(scene: Scene, numerics: Numerics) -> LastState:
+    began, solver = time.perf_counter(), bind(scene, numerics)
+    where = (numerics.method.name, numerics.refine, scene.parameters.l0, scene.domain.rotation)
+    if (key := (*where, scene.probes.points)) not in _PROBES:
+        _PROBES[key] = solver.probes(probe_points(scene))
+    return last_state(solver, numerics, scene.output_times, _PROBES[key], began)
 
 
 class AnswerKind(StrEnum):
@@ -259,7 +215,7 @@ NOT_RUN = JudgedAnswer(AnswerKind.NOT_RUN, "", _NO_ERRORS, f"not run: more than 
 """Of points beyond the budget."""
 
 
-def judge(point: Point, answer: PlaceAnswer, truth: PlaceTruth) -> JudgedAnswer:
+def judge(point: Point, answer: LastState, truth: PlaceTruth) -> JudgedAnswer:
     """Hold a run against the truth at its psi and p."""
     ending, reference = "" if answer.completed else answer.ending, truth.answer
     if not truth.known:
@@ -286,7 +242,7 @@ def judge(point: Point, answer: PlaceAnswer, truth: PlaceTruth) -> JudgedAnswer:
     return JudgedAnswer(AnswerKind.FAILED, ending, _NO_ERRORS, sentence)
 
 
-def _ends_with(point: Point, answer: PlaceAnswer, reference: PlaceAnswer) -> bool:
+def _ends_with(point: Point, answer: LastState, reference: LastState) -> bool:
     """Whether a failure is the model's own end, as nearly in time as the run's step can tell."""
     too_late, too_early = answer.t - reference.t, reference.t - (answer.t + point.dt)
     near = max(too_late, too_early) <= TIME_BOUND * reference.t

@@ -121,10 +121,14 @@ class Point:
         return seconds_of(find_method(self.method), self.refine, self.steps)
 
     @property
+    def numerics(self) -> Numerics:
+        """How it is run."""
+        return Numerics(find_method(self.method), self.refine, self.dt)
+
+    @property
     def command(self) -> str:
         """What makes the run again, from the folder of the report."""
-        numerics = Numerics(find_method(self.method), self.refine, self.dt)
-        return numerics.command(self.file, "point.vtkhdf")
+        return self.numerics.command(self.file, "point.vtkhdf")
 
 
 def plane_of(name: str, method: Method) -> Plane:
