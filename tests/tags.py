@@ -11,6 +11,7 @@ OURS = (
     '{"data": ',
     "// The film of a scene",
     "// What every page can do",
+    "// Pictures to take away",
     '{"arrays": ',
 )
 

@@ -7,9 +7,11 @@ from base64 import b64decode
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Page
 
 from actin_xcheck.report.film import STEPS, _Store, common_times, film_data, film_strip
@@ -230,6 +232,63 @@ def test_the_value_under_the_pointer_is_that_of_the_triangle(film: Page, page: P
     assert pixels(film) != marked
     film.keyboard.press("Escape")
     assert "mark" not in text(film, ".extent")
+
+
+@pytest.mark.slow
+def test_what_is_shown_is_saved_as_png_and_svg_and_the_film_as_gif(
+    film: Page, page: Path, tmp_path: Path
+) -> None:
+    def saved(kind: str) -> Path:
+        with film.expect_download() as download:
+            film.click(f".player >> nth=0 >> .take:text-is('{kind}')")
+        path = tmp_path / download.value.suggested_filename
+        download.value.save_as(path)
+        return path
+
+    film.evaluate(f"{FILM}.querySelector('input').focus()")
+    film.keyboard.press("End")
+    runs = runs_of(page, "fig14")
+    png, svg, moving = (saved(kind) for kind in ("PNG", "SVG", "GIF"))
+    assert (png.name, svg.name) == ("fig14-four-fronts-t-0-1636.png", "fig14-four-fronts-t-0-1636.svg")
+    picture = np.asarray(Image.open(png).convert("RGB")).astype(int)
+    assert (picture[0, 0] == 255).all()
+    with Image.open(moving) as frames:
+        assert (moving.name, frames.n_frames, frames.info["loop"]) == (
+            "fig14-four-fronts.gif",
+            len(film_data(runs, film_strip(runs))["times"]),
+            0,
+        )
+        first = np.asarray(frames.convert("RGB")).astype(int)
+        frames.seek(frames.n_frames - 1)
+        last = np.asarray(frames.convert("RGB").resize(picture.shape[1::-1])).astype(int)
+    assert np.abs(last - picture).mean() < 4  # five bits of each colour, and letters
+    film.evaluate(f"{FILM}.querySelector('input').focus()")
+    film.keyboard.press("Home")
+    before = np.asarray(Image.open(saved("PNG")).resize(first.shape[1::-1]).convert("RGB")).astype(int)
+    assert np.abs(first - before).mean() < 4
+    grown = np.asarray(Image.fromarray(first.astype(np.uint8)).resize(picture.shape[1::-1]))
+    assert np.abs(picture - grown).mean() > 4
+    root = ElementTree.fromstring(svg.read_text(encoding="utf-8"))
+    cells = [
+        one
+        for one in root.findall("{*}path")
+        if re.search(r"L.*L.*Z", one.get("d")) and one.get("fill") != "none"
+    ]
+    left, _, right, _ = film_data(runs, film_strip(runs))["window"]
+    unit = (right - left) / 480
+    areas = [
+        sum(abs(np.linalg.det([b - a, c - a])) / 2 for a, b, c in corners_in(one.get("d"))) * unit**2
+        for one in cells
+    ]
+    assert sum(areas) / 3 == pytest.approx(runs[0].series["area"][-1], rel=1e-3)  # the cell three times
+    words = [one.text for one in root.findall("{*}text")]
+    assert words[0] == "fig14-four-fronts, t = 0.1636"
+    assert {run.attributes["method_name"] for run in runs} < set(words)
+
+
+def corners_in(path: str) -> np.ndarray:
+    """Corners (n, 3, 2) of the triangles in a path of SVG."""
+    return np.array(re.findall(r"[-\d.]+", path), dtype=float).reshape(-1, 3, 2)
 
 
 @pytest.mark.slow

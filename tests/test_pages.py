@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -227,3 +228,21 @@ def test_classes_of_runs_are_told_apart_in_grey() -> None:
     apart = {pair: abs(grey[pair[0]] - grey[pair[1]]) for pair in combinations(CLASSES, 2)}
     assert min(apart.values()) > 6, min(apart, key=apart.__getitem__)
     assert apart[AnswerKind.ACCURATE, AnswerKind.SILENT] > 25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "button"), [("sweep", "a as PNG"), ("closures", "as SVG")])
+def test_cells_of_an_exhibit_are_saved(tab: Page, page_of, kind: str, button: str, tmp_path: Path) -> None:
+    complaints(tab, page_of(kind))
+    with tab.expect_download() as download:
+        tab.locator(f".save[aria-label$='{button}']").first.click()
+    path = tmp_path / download.value.suggested_filename
+    download.value.save_as(path)
+    if path.suffix == ".svg":
+        shapes = list(ElementTree.fromstring(path.read_text(encoding="utf-8")).findall("{*}polygon"))
+        assert len(shapes) == 2 * tab.locator("figure.outlines").first.locator("svg").count() > 0
+        assert all(one.get("stroke").startswith("rgb") for one in shapes)
+    else:
+        picture = np.asarray(Image.open(path).convert("RGB"))
+        assert picture.shape[1] == 2 * (24 + 6 * (264 + 24))
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50  # cells, not paper alone

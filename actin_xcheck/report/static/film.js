@@ -112,7 +112,6 @@
 
     draw({ run, shot, ends, mesh, probe, stored, label, none }) {
       const { pen, canvas } = this, [factor, left, top] = this.frame, dpr = canvas.width / (canvas.clientWidth || canvas.width);
-      pen.clearRect(0, 0, canvas.width, canvas.height);
       const at = (x, n) => [(x[n] - left) * factor, (top - x[n + x.length / 2]) * factor];
       const trace = (edges, x) => {
         pen.beginPath();
@@ -165,7 +164,7 @@
       pen.setLineDash([4 * dpr, 4 * dpr]);
       trace(net.rim, this.film.positions(run.xi));
       pen.setLineDash([]);
-      this.canvas.setAttribute("aria-label", shot ? `${label}, values ${this.words}` : `${label}: ${none}`);
+      canvas.setAttribute("aria-label", shot ? `${label}, values ${this.words}` : `${label}: ${none}`);
       let here = "";
       if (probe && shot) {
         const value = this.under(probe);
@@ -219,12 +218,12 @@
     const chosen = () => selects.length ? selects.map(one => film.runs[one.value]) : panes.length > 1
       ? [film.runs[0], film.runs[player.dataset.right]] : [film.runs[0]];
 
-    const words = () => {
+    const words = place => {
       const i = Math.floor(place);
       return Number.isInteger(place) ? `t = ${short(film.times[i])}` : `t between ${short(film.times[i])} and ${short(film.times[i + 1])}`;
     };
-    const draw = () => {
-      const [left, right] = chosen(), time = words(), none = run => `no frame, the run is ${run.outcome}`;
+    const paint = (panes, place, probe) => {
+      const [left, right] = chosen(), time = words(place), none = run => `no frame, the run is ${run.outcome}`;
       const stored = Number.isInteger(place);
       const common = { mesh: mesh.checked && stored, probe: stored ? probe : null, stored };
       [left, right].slice(0, panes.length).forEach((run, i) => panes[i].draw({ ...common, run, shot: film.shot(run, place),
@@ -232,10 +231,61 @@
       if (panes[2]) panes[2].draw({ ...common, run: left, shot: film.difference(left, right, place), ends: [-(most || 1), most || 1],
         label: `${right.name} − ${left.name} at ${time}`,
         none: left.like === right.like ? "no difference: a run has no frame" : "no difference: other cells" });
+    };
+    const draw = () => {
+      const time = words(place);
+      for (const { pen, canvas } of panes) pen.clearRect(0, 0, canvas.width, canvas.height);
+      paint(panes, place, probe);
       told.textContent = time;
       slider.value = Math.round(place);
       slider.setAttribute("aria-valuetext", time);
     };
+
+    // All that is shown, drawn at a place of the film by any pen, with names, ranges and colour bars.
+    const WIDE = 480, EDGE = 24, name = player.ariaLabel.replace("Film of ", "");
+    const high = WIDE * (film.window[3] - film.window[1]) / (film.window[2] - film.window[0]);
+    const size = [EDGE + panes.length * (WIDE + EDGE), high + EDGE * (6 + Math.min(panes.length, 2))];
+    const sheet = (pen, place) => {
+      const [left, right] = chosen();
+      pen.fillText(`${name}, ${words(place)}`, EDGE, 1.5 * EDGE);
+      const copies = panes.map((pane, i) => Object.assign(Object.create(pane), { pen, extent: {}, canvas: { width: WIDE, clientWidth: WIDE, setAttribute() {} },
+        draw(what) {
+          const x = EDGE + i * (WIDE + EDGE), y = 3 * EDGE;
+          pen.translate(x, y);
+          Pane.prototype.draw.call(this, what);
+          pen.translate(-x, -y);
+          pen.fillStyle = INK;
+          pen.fillText(i === 2 ? `${right.name} − ${left.name}` : what.run.name, x, y - EDGE / 2, WIDE);
+          pen.fillText(this.words, x, y + high + .8 * EDGE, WIDE);
+        } }));
+      paint(copies, place, null);
+      [["a", ...film.scale], ["difference of a", -most, most]].slice(0, copies.length > 1 ? 2 : 1).forEach(([label, one, other], i) =>
+        drawBar(pen, EDGE, high + EDGE * (5.2 + i), label, short(one), short(other), film.palettes[i].filter((_, level) => level % 4 === 0)));
+    };
+    const painted = (place, factor) => {
+      const [canvas, pen] = sheetOf(...size, factor);
+      sheet(pen, place);
+      return canvas;
+    };
+    const GIF = .75; // of the size of a picture
+    const take = {
+      PNG: () => downloadPNG(`${name} ${words(place)}`, painted(place, 2)),
+      SVG: () => {
+        const pencil = new Pencil();
+        sheet(pencil, place);
+        downloadSVG(`${name} ${words(place)}`, ...size, pencil.svg);
+      },
+      GIF: () => {
+        const frames = film.times.map((_, i) => painted(i, GIF)), [{ width, height }] = frames;
+        const data = frames.map(one => one.getContext("2d").getImageData(0, 0, width, height).data);
+        download(name, "gif", gif(data, width, height, Math.min(250, WHOLE / frames.length)));
+      },
+    };
+    for (const [kind, act] of Object.entries(take)) {
+      const button = added(mesh.closest(".controls").lastElementChild, "take", kind, `${kind === "GIF" ? "The film" : "What is shown"} as ${kind}`, () => { if (since) stop(); act(); });
+      button.title = button.ariaLabel;
+    }
+
     const choose = () => {
       const [left, right] = chosen();
       most = right ? film.furthest(left, right) : 0;

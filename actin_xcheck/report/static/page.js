@@ -15,14 +15,17 @@ for (const code of document.querySelectorAll("code.command")) {
   });
 }
 
-// A file of comma-separated values, called after what they are.
+// A file, called after what is in it.
+const download = (name, suffix, blob) => {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob),
+    download: `${name.trim().toLowerCase().replace(/[^\p{L}\d]+/gu, "-")}.${suffix}` });
+  link.click();
+  URL.revokeObjectURL(link.href);
+};
 const save = (name, rows) => {
   const cell = value => /[",\n]/.test(value ?? "") ? `"${value.replaceAll('"', '""')}"` : value ?? "";
   const text = rows.map(row => row.map(cell).join(",") + "\r\n").join("");
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })),
-    download: `${name.trim().toLowerCase().replace(/[^\p{L}\d]+/gu, "-")}.csv` });
-  link.click();
-  URL.revokeObjectURL(link.href);
+  download(name, "csv", new Blob([text], { type: "text/csv" }));
 };
 const words = cell => {
   const shown = cell.cloneNode(true);
