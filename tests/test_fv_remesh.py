@@ -1,4 +1,4 @@
-"""Finite volumes on a new mesh: what is carried over to it, and runs that go on on it."""
+"""Finite volumes on a new mesh: what is carried over to it, and a free cell that goes on on it."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,22 +6,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.mesh import Mesh, disk, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Closure, Delta, Model, Rheology
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.core.remeshing import SLIVER, NoMesh, RemeshedState, edge_of
+from actin_xcheck.core.remeshing import edge_of
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import load_scene
-from fv.mechanics import FvForceBalance
 from fv.mesh import Faces
-from fv.remeshing import FvRemeshing, averages, remeshed, shapes
+from fv.remeshing import averages, remeshed, shapes
 from fv.rim import RimFaces
-from fv.solver import FvSecondOrder
-from tests.lab import film_of, local_orders
-from tests.test_remesh import L0, MODEL, PROBLEM, Twist, concentration, exact, twisted
+from tests.lab import local_orders
+from tests.test_remesh import L0, concentration, twisted
 
 
 @cache
@@ -90,12 +87,6 @@ def areas(triangles: Array) -> Array:
     return signed_areas(triangles.reshape(2, -1), np.arange(triangles[0].size).reshape(3, -1))
 
 
-def test_a_cell_that_has_folded_has_no_mesh():
-    mesh = disk(2, L0)
-    with pytest.raises(NoMesh, match="no sound mesh"):
-        remeshed(mesh, mesh.xi * np.array([[1.0], [-1.0]]), L0, 0.3)
-
-
 def test_what_a_free_rim_carries_is_read_between_its_faces():
     model = Model(Parameters(psi=1.0, p=0.3), Rheology.VISCOELASTIC, Closure.TRACTION_FREE, Delta.RING)
 
@@ -109,106 +100,6 @@ def test_what_a_free_rim_carries_is_read_between_its_faces():
         gaps.append(np.abs(there.read(here, here.start(u0)) - there.start(u0)).max())
     assert local_orders(gaps)[0] > 1.7
     assert gaps[-1] < 2e-3
-
-
-# Runs: the twist as a velocity, as in `test_remesh.py`
-
-
-class Twisting(Twist, FvForceBalance):
-    """A force balance of volumes that answers with the twist's velocity."""
-
-
-def remeshing(refine: int) -> tuple[FvSecondOrder, FvRemeshing]:
-    """The solver as it is, and one that replaces its mesh."""
-
-    def built(mesh: Mesh) -> FvSecondOrder:
-        return FvSecondOrder(PROBLEM, mesh, Twisting(MODEL, mesh))
-
-    first = built(disk(refine, L0))
-    return first, FvRemeshing(first, built)
-
-
-def error(solver: FvSecondOrder, state) -> float:
-    """Of a in L2."""
-    place = quadrature_points(state.x, solver.mesh.triangles)
-    true = exact(place.reshape(2, -1), state.t).reshape(3, -1).mean(axis=0)
-    return float(np.sqrt(signed_areas(state.x, solver.mesh.triangles) @ (state.a - true) ** 2))
-
-
-def run(solver, end: float, rtol: float = 1e-5):
-    seen, outcome = film_of(solver, 0.05, [end], rtol, 2)
-    return seen, outcome.ending
-
-
-@cache
-def remeshed_run(refine: int):
-    _, solver = remeshing(refine)
-    return solver, *run(solver, 0.45)
-
-
-@pytest.mark.slow
-def test_a_run_goes_on_on_its_new_mesh_at_second_order():
-    wrong = []
-    for refine in (3, 4):
-        _, seen, ending = remeshed_run(refine)
-        last = seen.states[-1]
-        assert ending is Ending.COMPLETED
-        assert isinstance(last, RemeshedState)
-        assert last.remeshings == 1
-        assert last.part.worst(last.inner.x) > SLIVER
-        assert max(abs(state.balance_residual) for state in seen.states) < 1e-12
-        wrong.append((error(last.part.solver, last.inner), last.area_change))
-    of_a, of_area = np.transpose(wrong)
-    assert 1.6 < local_orders(of_a)[0] < 3.0
-    assert 1.6 < local_orders(of_area)[0] < 3.0
-    assert of_a[-1] < 3e-3
-
-
-def test_the_change_of_mesh_keeps_total_actin_and_material_points():
-    solver, seen, _ = remeshed_run(4)
-    at = next(i for i, state in enumerate(seen.states) if state.remeshings == 1)
-    before, after = seen.states[at - 1 : at + 1]
-    plain, outcome = solver.first.step(before.inner, after.t - before.t)
-    assert outcome.ok
-    old, new = solver.first.measure(plain), solver.measure(after)
-    assert new.total_actin == pytest.approx(old.total_actin, rel=1e-14)
-    points = np.array([[0.0, 0.4, 0.8, -0.7], [0.0, 0.1, 0.0, 0.7]])
-    (a, x), (a_new, x_new) = solver.first.probes(points)(plain), solver.probes(points)(after)
-    assert 0 < np.abs(x_new - x).max() < 2e-2
-    assert 0 < np.abs(a_new - a).max() < 1e-2
-    frame, shown = solver.first.frame(plain), solver.frame(after)
-    assert shown.x.shape == solver.grid.xi.shape
-    assert np.sqrt(((shown.x - frame.x) ** 2).mean()) < 5e-3
-    assert np.abs(shown.a_cells - frame.a_cells).max() < 1e-2
-    assert solver.corners(after).shape == solver.mesh.triangles.shape
-
-
-def test_steps_are_pure_and_a_state_kept_goes_on_to_the_same_bits():
-    solver, seen, _ = remeshed_run(3)
-    _, fresh = remeshing(3)
-    for state in seen.states[3], seen.states[-1]:
-        one, _ = solver.step(state, 1e-3)
-        again, _ = solver.step(state, 1e-3)
-        kept = {name: np.array(value) for name, value in solver.memento(state).items()}
-        resumed, _ = fresh.step(fresh.restored(kept), 1e-3)
-        assert resumed.remeshings == state.remeshings
-        for other in again, resumed:
-            assert (one.x == other.x).all()
-            assert (one.a == other.a).all()
-
-
-@pytest.mark.slow
-def test_a_run_passes_the_time_at_which_its_mesh_folds():
-    plain, replaced = remeshing(3)
-    seen, ending = run(plain, 1.0)
-    folds = seen.states[-1].t
-    assert ending is Ending.TANGLED
-    seen, ending = run(replaced, 1.1 * folds)
-    last = seen.states[-1]
-    assert ending is Ending.COMPLETED
-    assert last.remeshings == 1
-    at_the_fold = run(plain, 0.99 * folds)[0].states[-1]
-    assert error(last.part.solver, last.inner) < error(plain, at_the_fold)
 
 
 END = 0.04

@@ -1,24 +1,24 @@
 """A new mesh in a deformed cell: its shape, what is carried over to it, and runs that go on on it."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 import pytest
 
 from actin_xcheck.core.contract import NOTHING, Move, Problem, State
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.core.mesh import disk
+from actin_xcheck.core.mesh import Mesh, disk, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Delta, Model
 from actin_xcheck.core.parameters import Parameters
-from actin_xcheck.core.remeshing import SLIVER, NoMesh, edge_of, new_mesh
+from actin_xcheck.core.remeshing import SLIVER, NoMesh, RemeshedState, edge_of, new_mesh
 from fem.fields import measure, orientation
 from fem.force_balance import ForceBalance
 from fem.imex import FemImex
 from fem.remeshing import (
     Reading,
     Rebalanced,
-    RemeshedState,
     Remeshing,
     projected,
     remeshed,
@@ -26,6 +26,10 @@ from fem.remeshing import (
     soundness,
 )
 from fem.space import Space
+from fv.mechanics import FvForceBalance
+from fv.remeshing import FvRemeshing
+from fv.remeshing import remeshed as of_volumes
+from fv.solver import FvSecondOrder
 from tests.lab import Film, film_of, local_orders
 
 L0, SPIN = 0.8, 4.0
@@ -130,13 +134,6 @@ def test_the_mesh_is_said_to_break_before_it_folds(order):
     assert "--remesh" in outcome.message
 
 
-def test_a_cell_that_has_folded_has_no_mesh():
-    space = Space.on(disk(2, L0), 1, L0)
-    x = space.xi * np.array([[1.0], [-1.0]])
-    with pytest.raises(NoMesh, match="no sound mesh"):
-        remeshed(space, x, L0, 0.3)
-
-
 # Runs: the twist as a velocity, and a source that makes a = 1 + A(t) x (3 - r^2) exact
 
 MODEL = Model(Parameters(psi=0.0, p=0.0), delta=Delta.NONE)
@@ -178,7 +175,11 @@ class Later(Twist, Rebalanced):
     pass
 
 
-def remeshing(order: int, refine: int) -> tuple[FemImex, Remeshing]:
+class Twisting(Twist, FvForceBalance):
+    pass
+
+
+def elements(refine: int, order: int = 2) -> tuple[FemImex, Remeshing]:
     """The solver as it is, and one that replaces its mesh."""
     mesh = disk(refine, L0)
     first = FemImex(PROBLEM, mesh, First(MODEL, mesh, order), order, 3)
@@ -187,59 +188,100 @@ def remeshing(order: int, refine: int) -> tuple[FemImex, Remeshing]:
     )
 
 
+def volumes(refine: int) -> tuple[FvSecondOrder, FvRemeshing]:
+    """The same of finite volumes."""
+
+    def built(mesh: Mesh) -> FvSecondOrder:
+        return FvSecondOrder(PROBLEM, mesh, Twisting(MODEL, mesh))
+
+    first = built(disk(refine, L0))
+    return first, FvRemeshing(first, built)
+
+
+CODES = elements, volumes
+BOTH = pytest.mark.parametrize("code", CODES)
+
+
 def run(solver, end: float) -> tuple[Film, Ending]:
-    seen, outcome = film_of(solver, 0.05, [end], 1e-4, 3)
+    rtol, order = (1e-4, 3) if isinstance(solver, FemImex | Remeshing) else (1e-5, 2)
+    seen, outcome = film_of(solver, 0.05, [end], rtol, order)
     return seen, outcome.ending
 
 
-def error(solver: FemImex, state: State) -> float:
-    rule = solver.space.rule(2 * solver.space.order + 2)
-    x, a = (rule.blend(field[..., solver.space.cells]) for field in (state.x, state.a))
-    return float(np.sqrt(((a - exact(x, state.t)) ** 2 * rule.at(state.x).dx).sum()))
+def error(solver: FemImex | FvSecondOrder, state: State) -> float:
+    """Of a in L2 over the cell; of volumes, of their means."""
+    if isinstance(solver, FemImex):
+        rule = solver.space.rule(2 * solver.space.order + 2)
+        x, a = (rule.blend(field[..., solver.space.cells]) for field in (state.x, state.a))
+        return float(np.sqrt(((a - exact(x, state.t)) ** 2 * rule.at(state.x).dx).sum()))
+    place = quadrature_points(state.x, solver.mesh.triangles)
+    true = exact(place.reshape(2, -1), state.t).reshape(3, -1).mean(axis=0)
+    return float(np.sqrt(signed_areas(state.x, solver.mesh.triangles) @ (state.a - true) ** 2))
 
 
 @cache
-def remeshed_run() -> tuple[Remeshing, Film, Ending]:
-    _, solver = remeshing(2, 3)
-    return solver, *run(solver, 0.45)
-
-
-def test_a_run_goes_on_on_its_new_mesh():
-    _, seen, ending = remeshed_run()
-    last = seen.states[-1]
+def remeshed_run(code, refine: int) -> tuple[Any, Film, State]:
+    """A run that has replaced its mesh once, and its last state."""
+    _, solver = code(refine)
+    seen, ending = run(solver, 0.45)
+    last = seen.last
     assert ending is Ending.COMPLETED
     assert isinstance(last, RemeshedState)
     assert last.remeshings == 1
-    assert shapes(last.part.solver.space, last.inner.x).min() > SLIVER
+    assert last.part.worst(last.inner.x) > SLIVER
+    assert seen.residual < 1e-12
+    return solver, seen, last
+
+
+def test_a_run_goes_on_on_its_new_mesh():
+    _, _, last = remeshed_run(elements, 3)
     assert error(last.part.solver, last.inner) < 1e-3
-    assert max(abs(state.balance_residual) for state in seen.states) < 1e-12
     assert 0 < last.area_change < 1e-4
 
 
-def test_the_change_of_mesh_leaves_material_points_where_they_are():
-    solver, seen, _ = remeshed_run()
-    points = np.array([[0.0, 0.4, 0.8, -0.7], [0.0, 0.1, 0.0, 0.7]])
+@pytest.mark.slow
+def test_volumes_go_on_at_second_order():
+    ends = [remeshed_run(volumes, refine)[-1] for refine in (3, 4)]
+    of_a = [error(last.part.solver, last.inner) for last in ends]
+    assert 1.6 < local_orders(of_a)[0] < 3.0
+    assert 1.6 < local_orders([last.area_change for last in ends])[0] < 3.0
+    assert of_a[-1] < 3e-3
+
+
+def far_from_the_twist(solver, plain: State, t: float) -> Array:
+    """How far probes (x, a) and frames (x, a) may be moved: by what old cells are off the twist at least."""
+    if not isinstance(solver, FemImex):
+        return np.array([2e-2, 1e-2, 5e-3, 1e-2])
+    space, rule = solver.space, solver.space.inside
+    xi, x = (rule.blend(field[:, space.cells]) for field in (space.xi, plain.x))
+    return np.abs(x - twisted(xi, t)).max() * np.array([6, 1, 3, 3])
+
+
+@pytest.mark.parametrize(("code", "refine"), [(elements, 3), (volumes, 4)])
+def test_the_change_of_mesh_keeps_total_actin_and_material_points(code, refine):
+    solver, seen, _ = remeshed_run(code, refine)
     at = next(i for i, state in enumerate(seen.states) if state.remeshings == 1)
     before, after = seen.states[at - 1 : at + 1]
     plain, outcome = solver.first.step(before.inner, after.t - before.t)
     assert outcome.ok
-    # how far the cells of the old mesh, as sheared as they are, can be from the twist between their nodes
-    space, rule = solver.first.space, solver.first.space.inside
-    xi, x = (rule.blend(field[:, space.cells]) for field in (space.xi, plain.x))
-    own = np.abs(x - twisted(xi, after.t)).max()
+    total = [one.measure(state).total_actin for one, state in ((solver.first, plain), (solver, after))]
+    assert total[1] == pytest.approx(total[0], rel=1e-14 if code is volumes else 1e-12)
+    points = np.array([[0.0, 0.4, 0.8, -0.7], [0.0, 0.1, 0.0, 0.7]])
+    most = far_from_the_twist(solver.first, plain, after.t)
     (a, x), (a_new, x_new) = solver.first.probes(points)(plain), solver.probes(points)(after)
-    assert 0 < np.abs(x_new - x).max() < 6 * own
-    assert 0 < np.abs(a_new - a).max() < own
+    assert 0 < np.abs(x_new - x).max() < most[0]
+    assert 0 < np.abs(a_new - a).max() < most[1]
     frame, shown = solver.first.frame(plain), solver.frame(after)
     assert shown.x.shape == solver.grid.xi.shape
-    assert np.sqrt(((shown.x - frame.x) ** 2).mean()) < 3 * own
-    assert np.abs(shown.a_cells - frame.a_cells).max() < 3 * own
+    assert np.sqrt(((shown.x - frame.x) ** 2).mean()) < most[2]
+    assert np.abs(shown.a_cells - frame.a_cells).max() < most[3]
     assert solver.corners(after).shape == solver.mesh.triangles.shape
 
 
-def test_steps_are_pure_and_a_state_kept_goes_on_to_the_same_bits():
-    solver, seen, _ = remeshed_run()
-    _, fresh = remeshing(2, 3)
+@BOTH
+def test_steps_are_pure_and_a_state_kept_goes_on_to_the_same_bits(code):
+    solver, seen, _ = remeshed_run(code, 3)
+    _, fresh = code(3)
     for state in seen.states[3], seen.states[-1]:
         one, _ = solver.step(state, 1e-3)
         again, _ = solver.step(state, 1e-3)
@@ -251,18 +293,24 @@ def test_steps_are_pure_and_a_state_kept_goes_on_to_the_same_bits():
             assert (one.a == other.a).all()
 
 
-def test_a_run_passes_the_time_at_which_its_mesh_folds():
-    plain, replaced = remeshing(1, 3)
+@pytest.mark.parametrize(
+    ("code", "times"), [(partial(elements, order=1), 2), pytest.param(volumes, 1, marks=pytest.mark.slow)]
+)
+def test_a_run_passes_the_time_at_which_its_mesh_folds(code, times):
+    plain, replaced = code(3)
     seen, ending = run(plain, 1.0)
-    folds = seen.states[-1].t
+    folds = seen.last.t
     assert ending is Ending.TANGLED
     seen, ending = run(replaced, 1.1 * folds)
-    last = seen.states[-1]
+    last = seen.last
     assert ending is Ending.COMPLETED
     assert last.remeshings == 1
-    assert error(last.part.solver, last.inner) < 2 * error(plain, plain_state(folds, plain))
+    at_the_fold = run(plain, 0.99 * folds)[0].last
+    assert error(last.part.solver, last.inner) < times * error(plain, at_the_fold)
 
 
-def plain_state(end: float, solver: FemImex) -> State:
-    """The last state that stands before the fold."""
-    return run(solver, 0.99 * end)[0].states[-1]
+@pytest.mark.parametrize("remeshed", [lambda mesh, *how: remeshed(Space.on(mesh, 1, L0), *how), of_volumes])
+def test_a_cell_that_has_folded_has_no_mesh(remeshed):
+    mesh = disk(2, L0)
+    with pytest.raises(NoMesh, match="no sound mesh"):
+        remeshed(mesh, mesh.xi * np.array([[1.0], [-1.0]]), L0, 0.3)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from actin_xcheck.core import load_scipy
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.imports import load_scipy
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

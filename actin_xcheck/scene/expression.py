@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from simpleeval import SimpleEval
 
+from actin_xcheck.core import load_scipy
 from actin_xcheck.core.errors import brief
-from actin_xcheck.core.imports import load_scipy
 
 Array = NDArray[np.float64]
 

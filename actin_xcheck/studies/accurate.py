@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Generator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,13 @@ import numpy as np
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.files import make_folder
 from actin_xcheck.core.parameters import Fidelity
-from actin_xcheck.runs.accuracy import OutOfReach, deliver, levels_of
+from actin_xcheck.runs.accuracy import levels_of
 from actin_xcheck.runs.method import Method, find_method, find_methods
 from actin_xcheck.runs.numerics import CHOSEN, DEFAULT_REFINE, DEFAULT_STEPS, Numerics, Wanted, run_seconds
 from actin_xcheck.runs.numerics import command as typed
 from actin_xcheck.runs.store import annotate, read_run
 from actin_xcheck.scene.scene import Scene
-from actin_xcheck.studies.stored import COMPANIONS, Ran, Stored
+from actin_xcheck.studies.stored import COMPANIONS, Ran, Stored, delivered_run
 from actin_xcheck.studies.study import Batch, Task
 from actin_xcheck.verdicts.triangulate import QUANTITIES, RELATIVE, Levels, estimate, reaches
 
@@ -67,9 +66,8 @@ def climbed(asked: Climb, folder: Path) -> Climbed:
     make_folder(path.parent)
     wanted = {"method": CHOSEN, "accuracy": asked.accuracy, "fidelity": _WHOLE}
     made = typed("run", asked.scene.origin, **wanted, out=path.name)
-    with suppress(OutOfReach):  # its file says so
-        deliver(asked.scene, asked.accuracy, path, made, wanted=_WHOLE, pictures=asked.pictures)
-    said = read_run(path).attributes
+    how = {"wanted": _WHOLE, "pictures": asked.pictures}
+    said = delivered_run(asked.scene, asked.accuracy, path, made, **how).attributes
     return Climbed(
         method=str(said["method_name"]),
         refine=int(said["refine"]),

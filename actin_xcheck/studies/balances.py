@@ -7,7 +7,7 @@ shows.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -121,16 +121,12 @@ class Balanced:
 
     load: str
     refine: int = 4
+    bounded: ClassVar[bool] = True  # there are no steps
 
     @property
     def name(self) -> str:
         """What acts."""
         return f"force balances under {self.load} refine {self.refine}"
-
-    @property
-    def bounded(self) -> bool:
-        """There are no steps."""
-        return True
 
     def claims(self, folder: Path) -> list[Claim]:
         """That velocities are the same, and the torque on a free cell."""

@@ -7,19 +7,20 @@ judged.  Every claim must hold without a fault.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 from actin_xcheck.core.claim import Claim
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
 from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, command
-from actin_xcheck.runs.run import run
-from actin_xcheck.runs.store import Run, read_run
+from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
 from actin_xcheck.studies.balances import LOADS, Balanced
 from actin_xcheck.studies.compare import compare, jobs_of
 from actin_xcheck.studies.converge import converge
 from actin_xcheck.studies.converge.plan import Refined, refinements_of
 from actin_xcheck.studies.faults import Check
+from actin_xcheck.studies.stored import run_and_read
 from actin_xcheck.studies.study import carry_out_here
 from actin_xcheck.verdicts.judge import judge, keeps_tolerance, same_as_whole
 
@@ -98,16 +99,12 @@ class Studied:
     refined: Refined
     levels: int
     quantities: tuple[str, ...]
+    bounded: ClassVar[bool] = True  # all levels have their numbers of steps
 
     @property
     def name(self) -> str:
         """The words of the command."""
         return f"converge {self.scene} {self.method} in {self.refined}"
-
-    @property
-    def bounded(self) -> bool:
-        """All levels have their numbers of steps."""
-        return True
 
     def claims(self, folder: Path) -> list[Claim]:
         """That the orders are those which are declared."""
@@ -167,10 +164,9 @@ class Reduced:
         return claims
 
     def _run(self, scene: Scene, folder: Path, reduction: Reduction) -> Run:
-        path = folder / f"{reduction.fidelity}.vtkhdf"
         dt, method = scene.time.end / self.steps, find_method(self.method)
-        run(scene, Numerics(method, self.refine, dt, self.rtol, reduction), path, again(self))
-        return read_run(path)
+        numerics = Numerics(method, self.refine, dt, self.rtol, reduction)
+        return run_and_read(scene, numerics, folder / f"{reduction.fidelity}.vtkhdf", again(self))
 
 
 @dataclass(frozen=True)
@@ -188,25 +184,21 @@ class Tolerated:
     refine: int
     rtol: float
     smaller: float = 30.0
+    bounded: ClassVar[bool] = False  # steps are chosen by their error
 
     @property
     def name(self) -> str:
         """The words of the command."""
         return f"run {self.scene} {self.method} refine {self.refine} rtol {self.rtol:g}"
 
-    @property
-    def bounded(self) -> bool:
-        """Steps are chosen by their error."""
-        return False
-
     def claims(self, folder: Path) -> list[Claim]:
         """That the tolerance is kept."""
         scene, method = load_scene(self.scene), find_method(self.method)
-        runs = []
-        for rtol in (self.rtol, self.rtol / self.smaller):
-            path = folder / f"{rtol:g}.vtkhdf"
-            run(scene, Numerics(method, self.refine, scene.time.end, rtol), path, again(self))
-            runs.append(read_run(path))
+        numerics = [
+            Numerics(method, self.refine, scene.time.end, rtol)
+            for rtol in (self.rtol, self.rtol / self.smaller)
+        ]
+        runs = [run_and_read(scene, one, folder / f"{one.rtol:g}.vtkhdf", again(self)) for one in numerics]
         return [*judge(scene, {self.method: runs[0]}), keeps_tolerance(scene, self.method, *runs)]
 
 

@@ -18,12 +18,11 @@ from actin_xcheck.report.exhibits import Chapter, shares
 from actin_xcheck.runs.accuracy import deliver
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.numerics import Numerics, suited
-from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene, parse_scene
-from actin_xcheck.studies.stored import Stored, companions_of
+from actin_xcheck.studies.stored import Stored, companions_of, run_and_read
 from actin_xcheck.studies.study import Batch, Report, Study, Table, Task
 from actin_xcheck.verdicts.known import known
 from actin_xcheck.verdicts.triangulate import QUANTITIES, Levels, estimate, reaches
@@ -202,11 +201,9 @@ def climb(ladder: AskedLadder, folder: Path) -> StatedErrors:
     """Run a ladder, and hold what every three neighbouring levels state against the truth."""
     scene, method = ladder.finest.scene, ladder.finest.numerics.method
     truth = read_run(folder / ladder.truth) if ladder.truth else None
-    jobs, runs = _levels(ladder.finest), []
-    with tempfile.TemporaryDirectory() as place, np.errstate(all="ignore"):
-        for job in jobs:
-            run(scene, job.numerics, Path(place) / job.file)
-            runs.append(read_run(Path(place) / job.file))
+    jobs = _levels(ladder.finest)
+    with tempfile.TemporaryDirectory() as place:
+        runs = [run_and_read(scene, job.numerics, Path(place) / job.file) for job in jobs]
     found = [
         triplet
         for finest in range(len(jobs) - 2)

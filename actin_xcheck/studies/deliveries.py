@@ -6,23 +6,24 @@ distance to a run that was asked for much more, of a mode that of its rate to th
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import ClassVar
 
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.runs.accuracy import OutOfReach, change, deliver, fitted_rate
+from actin_xcheck.runs.accuracy import change, fitted_rate
 from actin_xcheck.runs.fidelity import Fidelity
 from actin_xcheck.runs.numerics import command
-from actin_xcheck.runs.store import Run, read_run
+from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.coverage import GENEROUS, RESOLVED, TRIVIAL, drawn
 from actin_xcheck.studies.random_scenes import seed_of_today
+from actin_xcheck.studies.stored import delivered_run
 from actin_xcheck.studies.study import Report, Study, Table, Task
 from actin_xcheck.theory.eigenfields import growth_rate
 
@@ -102,10 +103,7 @@ def delivered(asked: AskedDeliveries, folder: Path) -> Deliveries:
     with TemporaryDirectory(dir=folder) as place:
 
         def best(accuracy: float) -> Run:
-            path = Path(place) / f"{accuracy:g}.vtkhdf"
-            with suppress(OutOfReach):  # its file says so
-                deliver(scene, accuracy, path, "", wanted=whole)
-            return read_run(path)
+            return delivered_run(scene, accuracy, Path(place) / f"{accuracy:g}.vtkhdf", "", wanted=whole)
 
         truth = None if scene.expect.growth_rate else best(max(BETTER * min(asked.accuracies), BEST))
         rows = []
@@ -193,17 +191,13 @@ class DeliveriesOfTheDate:
 
     count: int
     accuracies: tuple[float, ...]
+    bounded: ClassVar[bool] = False  # steps are chosen by their error
 
     @property
     def name(self) -> str:
         """The words of the command but for the seed."""
         asked = ", ".join(f"{accuracy:g}" for accuracy in self.accuracies)
         return f"accuracies {asked} of {self.count} scenes of the date"
-
-    @property
-    def bounded(self) -> bool:
-        """Steps are chosen by their error."""
-        return False
 
     @property
     def seconds(self) -> float:

@@ -12,12 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import Ending, UserError
-from actin_xcheck.core.files import make_folder, replace_file
 from actin_xcheck.core.lagrange import least_dilation
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import Rheology
@@ -32,7 +32,7 @@ from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene import draw
 from actin_xcheck.scene.resolve import turn_matrix
 from actin_xcheck.scene.scene import Scene, parse_scene
-from actin_xcheck.studies.stored import Stored, companions_of
+from actin_xcheck.studies.stored import Stored, companions_of, leave_scene, run_and_read
 from actin_xcheck.studies.study import Report, Study, Table, Task, counted
 from actin_xcheck.verdicts.judge import judge
 from actin_xcheck.verdicts.triangulate import Levels, triangulate
@@ -185,16 +185,12 @@ class OfTheDate:
 
     first: int
     count: int
+    bounded: ClassVar[bool] = False  # steps are chosen by their error
 
     @property
     def name(self) -> str:
         """The words of the command but for the seed, which every claim's command states."""
         return f"random scenes {self.first} to {self.first + self.count - 1} of the date"
-
-    @property
-    def bounded(self) -> bool:
-        """Steps are chosen by their error."""
-        return False
 
     @property
     def seconds(self) -> float:
@@ -250,8 +246,7 @@ def _shrink(
 def keep(asked: DrawnScene, folder: Path) -> CheckedScene:
     """Leave a scene as a file, and check it again there."""
     checked = check(asked, folder)
-    make_folder(folder / "scenes")
-    replace_file(folder / "scenes" / f"{asked.name}.toml", checked.scene.encode())
+    leave_scene(folder, f"scenes/{asked.name}.toml", checked.scene)
     return checked
 
 
@@ -316,11 +311,10 @@ def _levels(scene: Scene, method: Method, reduction: Reduction, coarser: int, pl
     dt, rtol = scene.time.end / STEPS * 2**coarser, RTOL * 10**coarser if method.adaptive else None
     numerics = Numerics(method, max(REFINE[method.family] - coarser, COARSE), dt, rtol, reduction)
     finest = Stored(scene, numerics, "run.vtkhdf")
-    runs = []
-    for job in (finest, *companions_of(finest)):
-        run(scene, job.numerics, place / job.file)
-        runs.append(read_run(place / job.file))
-    return Levels(method, tuple(runs), reduction.bound if reduction.fidelity is Fidelity.MODAL else 0.0)
+    runs = tuple(
+        run_and_read(scene, job.numerics, place / job.file) for job in (finest, *companions_of(finest))
+    )
+    return Levels(method, runs, reduction.bound if reduction.fidelity is Fidelity.MODAL else 0.0)
 
 
 def _reductions(scene: Scene, method: Method) -> Iterator[Reduction]:

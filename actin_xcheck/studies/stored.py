@@ -2,18 +2,22 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from actin_xcheck.core.contract import Probes, Solver
 from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.files import make_folder, replace_file
+from actin_xcheck.runs.accuracy import OutOfReach, deliver
 from actin_xcheck.runs.march import March, Progress
 from actin_xcheck.runs.numerics import Numerics, run_seconds, step_count
 from actin_xcheck.runs.run import run
+from actin_xcheck.runs.store import Run, read_run
 from actin_xcheck.scene.scene import Scene
 from actin_xcheck.studies.study import Task
 
@@ -27,6 +31,11 @@ class AskedRun:
 
     scene: Scene
     numerics: Numerics
+
+    @property
+    def words(self) -> str:
+        """How it is run, for a reader."""
+        return f"{self.numerics.method.name}, {self.numerics.words}"
 
     @property
     def seconds(self) -> float:
@@ -83,15 +92,33 @@ class Ran:
     seconds: float
 
 
+def leave_scene(folder: Path, file: str, text: str) -> Path:
+    """Leave a scene in a study's folder, where the commands of its runs find it; return its path."""
+    path = folder / file
+    make_folder(path.parent)
+    replace_file(path, text.encode())
+    return path
+
+
+def run_and_read(scene: Scene, numerics: Numerics, path: Path, made: str = "") -> Run:
+    """Run into a file, by the command that is to be typed for it, and read it."""
+    run(scene, numerics, path, made)
+    return read_run(path)
+
+
+def delivered_run(scene: Scene, accuracy: float, path: Path, made: str, **how: Any) -> Run:
+    """Run to an accuracy, see `deliver`, and read; the file says so where that is out of reach."""
+    with suppress(OutOfReach):
+        deliver(scene, accuracy, path, made, **how)
+    return read_run(path)
+
+
 def run_stored(job: Stored, folder: Path, progress: Progress = lambda done, total: None) -> Ran:
     """Run, and store everything about it; `progress` is told of every step."""
     path, origin = folder / job.file, job.scene.origin
     make_folder(path.parent)
     if job.scene_file:
-        scene_path = folder / job.scene_file
-        make_folder(scene_path.parent)
-        replace_file(scene_path, job.scene.text.encode())
-        origin = str(scene_path)
+        origin = str(leave_scene(folder, job.scene_file, job.scene.text))
     made = job.numerics.command(origin, path.name)
     began = time.perf_counter()
     outcome = run(job.scene, job.numerics, path, made, progress, pictures=job.pictures)

@@ -108,7 +108,8 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
     """Measure all points of a scene's chart, rung by rung, and its terms."""
     fixed = reference_points(scene, plan)
     climbs = [_Climb(scene, ladder(scene, method, plan), plan.budget) for method in methods]
-    held = [Task(answered, one, one.seconds) for one in (AskedRun(scene, point) for point in fixed)]
+    asked = [AskedRun(scene, point) for point in fixed]
+    held = [Task(answered, one, one.seconds) for one in asked]
     coarse, fine, *traces = yield Batch((*held, *ledger_tasks(scene)), later=len(climbs) * plan.budget)
     while under_way := [climb for climb in climbs if climb.goes_on()]:
         tasks = [_timed(scene, climb.rungs[0], climb.expected(climb.rungs[0])) for climb in under_way]
@@ -122,7 +123,7 @@ def chart(scene: Scene, methods: Sequence[Method], plan: Plan = WHOLE) -> Study:
     for point, sample in zip(more, samples, strict=True):
         last = max(i for i, (other, _) in enumerate(charted) if other.method == point.method)
         charted.insert(last + 1, (point, sample))
-    truth = truth_of(scene, coarse, fine, f"{fixed[1].method.name}, {fixed[1].words}")
+    truth = truth_of(scene, coarse, fine, asked[1].words)
     rows = [row_of(scene, truth, point, sample) for point, sample in charted]
     left_out = [f"{point.method.name} ({point.words})" for climb in climbs for point in climb.rungs]
     references = [

@@ -15,7 +15,6 @@ import numpy as np
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.contract import Grid, Solver, State
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure
 from actin_xcheck.runs.march import March
@@ -23,6 +22,7 @@ from actin_xcheck.runs.method import find_method
 from actin_xcheck.runs.numerics import Numerics, run_seconds, seconds_of
 from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.scene import Scene, load_scene
+from actin_xcheck.studies.stored import leave_scene
 from actin_xcheck.theory.dispersion import ripple_exponent
 
 ROUGH = 12
@@ -317,9 +317,8 @@ def scene_of(course: Course) -> Scene:
 
 def follow(course: Course, folder: Path) -> Rim:
     """Run a course and keep its rim; leave its scene, which the course's command names."""
-    scene, file = scene_of(course), folder / course.file
-    file.parent.mkdir(exist_ok=True)
-    replace_file(file, scene.text.encode())
+    scene = scene_of(course)
+    leave_scene(folder, course.file, scene.text)
     solver = bind(scene, course.numerics)
     march = March(solver, course.numerics, scene.output_times)
     states = [moment.state for moment in march]

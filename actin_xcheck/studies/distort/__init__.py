@@ -317,8 +317,7 @@ def distort(
     for number, (scene, families) in enumerate(scenes):
         coarse, fine = answers[2 * number : 2 * number + 2]
         known = _known(scene, coarse, fine, truth_levels[1])
-        level = f"{truth_levels[1].method.name}, {truths[2 * number + 1].numerics.words}"
-        told.append(f"{scene.name}: {level}, known to {known:.1e}")
+        told.append(f"{scene.name}: {truths[2 * number + 1].words}, known to {known:.1e}")
         found = {
             case: _row_of(scene, case, answer, fine, known)
             for case, answer in of_case.items()

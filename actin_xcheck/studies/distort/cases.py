@@ -10,7 +10,7 @@ import numpy as np
 
 from actin_xcheck.core.contract import Solver
 from actin_xcheck.core.errors import UserError
-from actin_xcheck.core.files import replace_file
+from actin_xcheck.core.files import make_folder
 from actin_xcheck.core.linear import FACTORISATIONS, ITERATIONS, SOLVES, WORK
 from actin_xcheck.core.mesh import Mesh, disk
 from actin_xcheck.core.model import Array, Delta
@@ -29,7 +29,7 @@ from actin_xcheck.scene.outline import (
 )
 from actin_xcheck.scene.resolve import probe_points, resolve
 from actin_xcheck.scene.scene import Scene, parse_scene
-from actin_xcheck.studies.stored import AskedRun, LastState, last_state
+from actin_xcheck.studies.stored import AskedRun, LastState, last_state, leave_scene
 
 
 @dataclass(frozen=True)
@@ -225,11 +225,10 @@ class CaseAnswer:
 def answer_of(case: Case, folder: Path) -> CaseAnswer:
     """Run a case in equal steps, and leave its scene and mesh, which the case's command names."""
     scene, method = parse_scene(case.scene, case.scene_file), find_method(case.method)
-    mesh, files = case.mesh(scene.parameters.l0), (folder / case.scene_file, folder / case.mesh_file)
-    for file in files:
-        file.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(files[0], case.scene.encode())
-    write_mesh(files[1], mesh)
+    mesh, file = case.mesh(scene.parameters.l0), folder / case.mesh_file
+    leave_scene(folder, case.scene_file, case.scene)
+    make_folder(file.parent)
+    write_mesh(file, mesh)
     numerics = Numerics(method, case.refine, scene.time.end / case.steps, mesh=mesh)
     solver = solver_for(resolve(scene), method, mesh)
     WORK.clear()

@@ -12,7 +12,6 @@ import numpy as np
 
 from actin_xcheck.core.contract import Probes
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.core.files import replace_file
 from actin_xcheck.runs.accuracy import LEVELS, AccuracyLevel, estimated
 from actin_xcheck.runs.numerics import Numerics, chosen_steps, seconds_of
 from actin_xcheck.runs.processes import Lost
@@ -20,7 +19,7 @@ from actin_xcheck.runs.run import bind
 from actin_xcheck.scene.resolve import probe_points
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.frontier.planes import MOST_STEPS, Point
-from actin_xcheck.studies.stored import LastState, last_state
+from actin_xcheck.studies.stored import LastState, last_state, leave_scene
 
 BOUND = 1e-2
 """A completed run whose error is larger is silently wrong."""
@@ -95,9 +94,7 @@ def errors_between(answer: LastState, truth: LastState) -> tuple[float, ...]:
 
 def answer_of(point: Point, folder: Path) -> LastState:
     """Run a point in memory with equal steps, and leave its scene, which the point's command names."""
-    file = folder / point.file
-    file.parent.mkdir(exist_ok=True)
-    replace_file(file, point.scene.encode())
+    leave_scene(folder, point.file, point.scene)
     return _run(_parsed(point.scene), point.numerics)
 
 

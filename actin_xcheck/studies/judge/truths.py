@@ -16,12 +16,12 @@ import numpy as np
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.files import replace_file
 from actin_xcheck.core.model import Array
-from actin_xcheck.runs.accuracy import OutOfReach, deliver
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import read_run
 from actin_xcheck.scene.scene import Scene, parse_scene
 from actin_xcheck.studies.journal import key_of, stated
 from actin_xcheck.studies.judge.theirs import INTEGRALS, SAME_TIME, columns_of
+from actin_xcheck.studies.stored import delivered_run
 from actin_xcheck.verdicts.known import known
 
 KEPT = 30
@@ -74,8 +74,7 @@ def truth(asked: TruthAsked, folder: Path) -> Truth:
     path, kept = folder / asked.file, _kept(asked)
     if not (reused := _taken(kept, path)):
         made = command("run", asked.origin, method="fem", accuracy=asked.accuracy, out=asked.file)
-        with suppress(OutOfReach):  # the file has what was reached
-            deliver(parse_scene(asked.scene, asked.origin), asked.accuracy, path, made)
+        delivered_run(parse_scene(asked.scene, asked.origin), asked.accuracy, path, made)
         _keep(path, kept)
     run = read_run(path)
     completed = run.attributes["outcome"] == Ending.COMPLETED
