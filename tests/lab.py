@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from actin_xcheck.core.contract import Solver, State
-from actin_xcheck.core.errors import Outcome
+from actin_xcheck.core.errors import Outcome, UserError
 from actin_xcheck.core.mesh import INTERIOR_POINTS, quadrature_points, signed_areas
 from actin_xcheck.core.model import Array, Model
 from actin_xcheck.core.parameters import Delta, Parameters
@@ -88,6 +88,15 @@ def scene_of(parameters: str = "psi = 0.0\np = 0.0", a: str = "1", end: float = 
         f'name = "test"\n[parameters]\n{parameters}\n[initial]\na = "{a}"\n[time]\nend = {end}\n{more}',
         "test.toml",
     )
+
+
+def refusal(work: Callable[..., object], *given: object) -> str:
+    """The sentence in which something is refused; empty where it is taken.  Any other exception passes."""
+    try:
+        work(*given)
+    except (UserError, ValueError) as error:
+        return str(error)
+    return ""
 
 
 def quiet(label, done, total):

@@ -2,7 +2,6 @@
 
 import os
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from actin_xcheck.studies.compare_page import write_comparison_page
 from tests.claims import claim
 from tests.hostile import MEGABYTES, campaign, summary
 from tests.hostile_inputs import DOCUMENTS, NAMES, SMALL, TAGS, formula
+from tests.lab import refusal
 from tests.processes import posix
 from tests.studies import write_comparison
 from tests.tags import Tags
@@ -28,15 +28,6 @@ from tests.test_report import SCENE, write_run
 
 PLANE = ("x", "y", "r", "theta")
 QUICK = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-
-
-def refusal(read: Callable[..., object], *given: object) -> str:
-    """The sentence in which something is refused; empty where it is taken.  Any other exception passes."""
-    try:
-        read(*given)
-    except (UserError, ValueError) as error:
-        return str(error)
-    return ""
 
 
 @pytest.mark.slow

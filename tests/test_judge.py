@@ -12,9 +12,11 @@ import pytest
 from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.mesh import disk
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.studies import stored
 from actin_xcheck.studies.judge import judge, truths
 from actin_xcheck.studies.judge.theirs import Theirs, read_theirs
 from actin_xcheck.studies.judge.truths import Truth, TruthAsked
+from actin_xcheck.studies.study import answered
 from actin_xcheck.verdicts.known import known
 
 SCENE = load_scene("growing-disk")
@@ -47,17 +49,15 @@ def truth(error: float = 1e-7) -> Truth:
     return Truth(error, tuple(TIMES), ("area", "polarity"), (*exact(TIMES), *np.ones_like(TIMES)))
 
 
-def judged(files, order=2.0, within=0.01):
-    """The report, and what was asked for."""
-    study, asked, answer = judge(SCENE, files, within, order, "a command"), [], None
-    try:
-        tasks = next(study)
-        while True:
-            asked += [task.ask.accuracy for task in tasks]
-            tasks = study.send([truth() for _ in tasks])
-    except StopIteration as end:
-        answer = end.value
-    return answer, asked
+def judged(files, order=2.0, within=0.01, runs=()):
+    """The report, and what was asked for; runs are answered in turn, and as they are exact."""
+    asked, runs = [], iter(runs)
+
+    def answers(tasks):
+        asked.extend(task.ask.accuracy for task in tasks)
+        return [next(runs, None) or truth() for _ in tasks]
+
+    return answered(judge(SCENE, files, within, order, "a command"), answers), asked
 
 
 def files(tmp_path, *steps):
@@ -108,14 +108,12 @@ def test_of_a_number_that_is_nothing_there_is_no_order(tmp_path):
         for h in (0.02, 0.01)
     ]
     run = Truth(1e-7, tuple(TIMES), ("area", "centroid_x"), (*exact(TIMES), *np.zeros_like(TIMES)))
-    study = judge(SCENE, found, 0.1, 1.0, "")
-    next(study)
-    with pytest.raises(StopIteration) as end:
-        study.send([run])
-    orders = {one.quantity: one.order for one in end.value.value.tables["answers"].rows}
+    report, asked = judged(found, 1.0, 0.1, [run])
+    assert len(asked) == 1
+    orders = {one.quantity: one.order for one in report.tables["answers"].rows}
     assert orders["area"] == pytest.approx(1)
     assert np.isnan(orders["centroid_x"])
-    assert [one.quantity for one in end.value.value.claims if one.kind == "order in h"] == ["area"]
+    assert [one.quantity for one in report.claims if one.kind == "order in h"] == ["area"]
 
 
 def test_a_series_that_is_late_or_departs_too_far_is_told_so(tmp_path):
@@ -126,11 +124,9 @@ def test_a_series_that_is_late_or_departs_too_far_is_told_so(tmp_path):
     wave = np.sin(6 * TIMES)
     run = Truth(1e-7, tuple(TIMES), ("polarity",), tuple(1 + 0.1 * wave))
     late = Theirs("late", tuple(TIMES), {"polarity": tuple(1 + 0.12 * np.sin(6 * (TIMES - 0.002)))})
-    study = judge(SCENE, [late], 0.01, np.nan, "")
-    next(study)
-    with pytest.raises(StopIteration) as end:
-        study.send([run])  # it is off by so much that no better truth is asked for
-    (found,) = end.value.value.tables["answers"].rows
+    report, asked = judged([late], np.nan, 0.01, [run])
+    assert len(asked) == 1  # it is off by so much that no better truth is asked for
+    (found,) = report.tables["answers"].rows
     assert found.lag == pytest.approx(0.002, rel=0.01)
     assert found.amplitude == pytest.approx(1.2, rel=0.01)
 
@@ -156,8 +152,8 @@ def test_total_actin_that_is_lost_is_noticed(tmp_path):
 def test_a_truth_is_run_once_and_said_to_be_of_before(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     made = []
-    deliver = truths.deliver
-    monkeypatch.setattr(truths, "deliver", lambda *given: made.append(given) or deliver(*given))
+    deliver = stored.deliver
+    monkeypatch.setattr(stored, "deliver", lambda *given: made.append(given) or deliver(*given))
 
     def found(name, accuracy=1e-2):
         (tmp_path / name).mkdir()
@@ -188,12 +184,10 @@ def test_a_cache_that_cannot_be_is_none_and_what_is_not_used_goes(tmp_path, monk
 
 
 def test_a_truth_of_before_is_said(tmp_path):
-    study = judge(SCENE, files(tmp_path, 0.1), 0.1, np.nan, "")
-    next(study)
-    study.send([truth()])
-    with pytest.raises(StopIteration) as end:
-        study.send([replace(truth(), reused=True)])
-    assert "was not made again" in end.value.value.findings[-1]
+    runs = [truth(), replace(truth(), reused=True)]
+    report, asked = judged(files(tmp_path, 0.1), np.nan, 0.1, runs)
+    assert len(asked) == 2
+    assert "was not made again" in report.findings[-1]
 
 
 # meshes

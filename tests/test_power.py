@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from actin_xcheck.core.errors import UserError
 from actin_xcheck.core.files import database, replace_file, unfinished
 from actin_xcheck.runs import march, store
 from actin_xcheck.runs.store import read_run
 from tests.kills import bits, go
+from tests.lab import refusal
 from tests.power import Disk, losses
 from tests.test_interrupted import QUICK
 
@@ -64,15 +64,6 @@ def test_without_either_fsync_the_layer_finds_a_loss(missing, tmp_path, monkeypa
     assert lost
 
 
-def _failure(work: Callable[[], object]) -> str:
-    """The sentence with which work is refused; empty where it is done."""
-    try:
-        work()
-    except UserError as error:
-        return str(error)
-    return ""
-
-
 def test_every_call_that_fails_leaves_the_old_or_the_new_file(tmp_path, monkeypatch):
     path, calls = tmp_path / "x", 9
     for number in range(1, calls + 2):
@@ -81,7 +72,7 @@ def test_every_call_that_fails_leaves_the_old_or_the_new_file(tmp_path, monkeypa
                 replace_file(path, b"old content")
                 disk = Disk(tmp_path, portion=4, fails=number, error=error)
                 disk.stand_in(patch)
-                failed = _failure(lambda: replace_file(path, b"new content"))
+                failed = refusal(replace_file, path, b"new content")
                 assert failed in ("", f"{path}: cannot be written ({os.strerror(error)})")
                 assert path.read_bytes() in (
                     (b"old content", b"new content") if failed else (b"new content",)
@@ -184,7 +175,7 @@ def _fail_each(tmp_path: Path, monkeypatch, error: int, chosen: Callable[[int], 
         with monkeypatch.context() as patch:
             failing = Disk(folder, fails=number, error=error)
             failing.stand_in(patch)
-            failed = _failure(lambda folder=folder: go(QUICK[0], folder / RUN))
+            failed = refusal(go, QUICK[0], folder / RUN)
         assert not failed or os.strerror(error) in failed
         assert not failed or go(QUICK[0], folder / RUN, resume=True).ok
         assert bits(folder / RUN) == expected
