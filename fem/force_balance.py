@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from actin_xcheck.core.contract import NOTHING, Move
-from actin_xcheck.core.errors import Outcome
+from actin_xcheck.core.errors import COMPLETED, Outcome
 from actin_xcheck.core.linear import Operator, SymmetricSolver, bincount
 from actin_xcheck.core.mesh import Indices, Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
@@ -154,6 +154,8 @@ class ForceBalance:
 
     def intact(self, t: float, x: Array, carried: Array = NOTHING) -> Outcome:
         """Whether the pressure exists where a step has led, at x (2, N) with what is carried."""
+        if not self.model.breaks_down:
+            return COMPLETED
         u, rim = self.displacement(x), self.free_rim if carried.size else None
         _, dilation = self.space.inside.at(x).strain(u)
         on_rim = self.space.on_rim.at(x).strain(u)[1] if rim is None else rim.dilation(x, carried)

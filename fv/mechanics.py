@@ -22,7 +22,7 @@ from typing import Self
 import numpy as np
 
 from actin_xcheck.core.contract import NOTHING, Move
-from actin_xcheck.core.errors import Outcome
+from actin_xcheck.core.errors import COMPLETED, Outcome
 from actin_xcheck.core.mesh import Mesh
 from actin_xcheck.core.model import Array, Closure, Model, Rheology
 from actin_xcheck.core.motion import Anchor
@@ -203,6 +203,8 @@ class FvForceBalance:
 
     def intact(self, t: float, x: Array, carried: Array = NOTHING) -> Outcome:
         """Whether the pressure exists where a step has led, at x (2, N) with what is carried."""
+        if not self.model.breaks_down:
+            return COMPLETED
         rim, u = self.free_rim if carried.size else None, self.displacement(x)
         gradient = Diamonds.at(self.faces, x).gradient(self._at_places(u), u)
         rim_dilation = None if rim is None else rim.dilation(x, carried)

@@ -192,10 +192,14 @@ class Model:
         return stress / self.parameters.mu + 2 * self.reaction_rate()
 
     @property
+    def breaks_down(self) -> bool:
+        """Whether there is a dilation at which the pressure ends: p(a) of (2.5) sees it where u counts."""
+        return self.rheology is Rheology.VISCOELASTIC and self.sees("phi")
+
+    @property
     def rim_sees_dilation(self) -> bool:
-        """Whether the load on a free rim depends on the dilation there: p(a) of (2.5) does where u counts."""
-        elastic = self.rheology is Rheology.VISCOELASTIC and self.sees("phi")
-        return elastic and self.closure is not Closure.IRROTATIONAL_WALL
+        """Whether the load on a free rim depends on the dilation there."""
+        return self.breaks_down and self.closure is not Closure.IRROTATIONAL_WALL
 
     def reaction_rate(self) -> float:
         """k_a in units of (3.1): 1 or what the scene's kinetics have, 0 where it switches them off."""

@@ -20,7 +20,6 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import Ending, UserError
 from actin_xcheck.core.lagrange import least_dilation
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.parameters import Rheology
 from actin_xcheck.report.exhibits import Chapter, shares
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import FULL, Fidelity, Reduction, reduced
@@ -266,15 +265,13 @@ def check(asked: DrawnScene, folder: Path) -> CheckedScene:
 def _lasting(text: str) -> str:
     """A scene's text, up to half the time at which the model breaks down, or all but does, or its mesh."""
     scene = parse_scene(text, "drawn")
-    model = scene.physics
     if scene.mode is not None:
         return text
-    breaks = model.rheology is Rheology.VISCOELASTIC and model.sees("phi")
     numerics = Numerics(find_method(METHODS[0]), COARSE, scene.time.end / STEPS, RTOL)
     solver = bind(scene, numerics)
     march = March(solver, numerics, scene.output_times)
     for moment in march:
-        if breaks and least_dilation(solver.grid, solver.frame(moment.state).x)[0] < NEAR:
+        if scene.physics.breaks_down and least_dilation(solver.grid, solver.frame(moment.state).x)[0] < NEAR:
             break
     else:
         if march.outcome.ending not in (Ending.SINGULAR_DILATION, Ending.TANGLED):
