@@ -4,6 +4,7 @@ Formulas need neither scripts nor fonts, so that the built site is complete with
 """
 
 import html
+import json
 import math
 import os
 import re
@@ -22,6 +23,7 @@ from mkdocs.structure.files import File
 from actin_xcheck.cli.output import schemas
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import load_scene
+from actin_xcheck.scene.shelf import listed
 from actin_xcheck.theory.errata import errata
 
 PICTURE = Path(__file__).parents[1] / "reports" / "example.png"
@@ -133,6 +135,31 @@ def _templates() -> str:
     return "\n\n".join(parts)
 
 
+def _gallery() -> str:
+    """The shipped scenes as `benchmarks.gallery` has hung them, those of the article first."""
+    hung = json.loads((Path(__file__).parent / "gallery" / "scenes.json").read_text(encoding="utf-8"))
+    cards: dict[bool, list[str]] = {True: [], False: []}
+    for name, one in hung.items():
+        citation, model = listed(name)[1:]
+        said = (
+            f"<strong>{name}</strong>",
+            html.escape(f"a: {one['extent']}"),
+            f"<strong>{html.escape(one['verdict'])}</strong>",
+            html.escape(one["comes_to"]),
+            html.escape(f"{one['seconds']:.1f} s, {one['made_by']}"),
+            f"<em>{html.escape(citation)}</em>",
+            html.escape(model),
+        )
+        picture = f'<img src="gallery/{name}.webp" alt="{name} at its end" style="width: 100%">'
+        cards[not citation.startswith("Verification")].append(f"<div>{picture}{'<br>'.join(said)}</div>")
+    style = "display: grid; grid-template-columns: repeat(auto-fill, minmax(10rem, 1fr)); gap: 1.5rem; "
+    style += "font-size: .7rem; overflow-wrap: anywhere"
+    return "\n\n".join(
+        f'## {title}\n\n<div style="{style}">{"".join(cards[of_it])}</div>'
+        for title, of_it in (("Of the article", True), ("For verification", False))
+    )
+
+
 FLOORS = {
     "actin_xcheck.__main__": "starts the command, with nothing from its surroundings",
     "actin_xcheck.cli": "the commands: options, what is said, exit codes",
@@ -204,6 +231,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "answers": _answers,
     "floors": _floors,
     "templates": _templates,
+    "gallery": _gallery,
 }
 
 

@@ -1,6 +1,7 @@
 """The site: it builds without a warning, says what the code says, and every example on it runs as printed."""
 
 import doctest
+import json
 import os
 import re
 import shlex
@@ -15,6 +16,7 @@ import pytest
 import typer
 import yaml
 from markdown_it import MarkdownIt
+from PIL import Image
 
 from actin_xcheck.cli.app import app
 from actin_xcheck.cli.output import schemas
@@ -22,9 +24,12 @@ from actin_xcheck.core.errors import Ending
 from actin_xcheck.core.model import Closure, Delta, Rheology
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.scene.scene import Scene, load_scene, parse_scene
+from actin_xcheck.scene.shelf import shipped_scenes
 from actin_xcheck.scene.tables import Expect, ReferenceValues
 from actin_xcheck.theory.errata import errata
+from actin_xcheck.verdicts.known import known
 from actin_xcheck.verdicts.orders import Verdict
+from benchmarks import gallery
 from tests.test_cli import SERIES
 
 ROOT = Path(__file__).parents[1]
@@ -228,6 +233,47 @@ def test_the_walk_through_the_house_names_files_that_are_there():
     assert len({name for name in named if name.endswith(".py") and f"`{name}`" in walk}) == int(said) == 25
 
 
+# the gallery
+
+HUNG = json.loads((gallery.FOLDER / "scenes.json").read_text(encoding="utf-8"))
+
+
+def test_the_gallery_shows_every_shipped_scene_as_it_is():
+    assert list(HUNG) == list(shipped_scenes())
+    assert {name: one["digest"] for name, one in HUNG.items()} == {
+        name: gallery.digest_of(name) for name in HUNG
+    }
+    pictures = {path.stem: Image.open(path) for path in gallery.FOLDER.glob("*.webp")}
+    assert pictures.keys() == HUNG.keys()
+    for name, picture in pictures.items():
+        *_, ink = picture.convert("RGBA").split()
+        assert ink.getextrema() == (0, 255), name  # a cell, and room around it
+        assert min(picture.size) > 150, name
+
+
+def test_numbers_of_the_gallery_are_true_to_their_uncertainty():
+    told = 0
+    for name, one in HUNG.items():
+        said = re.match(r"area (\d+\.(\d+))(?: ± ([\d.]+))?", one["comes_to"])
+        scene = load_scene(name)
+        truth = said and known(scene, "area", scene.output_times[-1])
+        if truth:
+            known_to = float(said[3] or 0) + truth.uncertainty + 10.0 ** -len(said[2])
+            assert abs(float(said[1]) - truth.values[0]) <= known_to, name
+            told += 1
+    assert told >= 8
+
+
+@pytest.mark.slow
+def test_a_scene_is_hung_again_as_it_hangs(tmp_path):
+    found = gallery.hung("growing-disk", tmp_path)
+    (tmp_path / "gallery").mkdir()
+    gallery.hang([found], tmp_path / "gallery")
+    (again,) = json.loads((tmp_path / "gallery" / "scenes.json").read_text(encoding="utf-8")).values()
+    assert again | {"seconds": 0} == HUNG["growing-disk"] | {"seconds": 0}
+    assert (tmp_path / "gallery" / "growing-disk.webp").stat().st_size < 20_000
+
+
 # as built
 
 
@@ -267,6 +313,7 @@ def test_the_site_is_whole_and_needs_no_network(site):
         )
     for method in METHODS.values():
         assert method.description in site.methods
+    assert site.gallery.count('src="gallery/') == len(shipped_scenes())
     problems = re.findall(r"(?m)^\| `([\w-]+)` \|", page("benchmark"))
     assert len(problems) == 8
     templates = re.findall(r'class="filename">([\w-]+)\.csv<', site.benchmark)
