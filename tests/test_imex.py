@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from actin_xcheck.core.errors import COMPLETED
 from actin_xcheck.runs import march
 from actin_xcheck.runs.march import checked_step
 from actin_xcheck.runs.method import METHODS
@@ -172,6 +174,22 @@ def test_film_and_outcome_of_an_adaptive_run_land_on_the_outputs():
     assert outcome.ok
     assert [frame.t for frame in film.frames] == [0.0, *scene.output_times]
     assert film_of(solver, 0.02, (0.02,))[1].ok
+
+
+@pytest.mark.parametrize(("order", "steps"), [(1, 4), (2, 3), (5, 2)])
+def test_errors_that_miss_the_tolerance_say_with_which_order_they_fall(order, steps, monkeypatch):
+    """Of a rough start they fall like dt: a fifth power of them would be tried a dozen times."""
+    tried = []
+
+    def missing(solver, state, dt):
+        tried.append(dt)
+        return SimpleNamespace(local_error=dt**order), COMPLETED
+
+    monkeypatch.setattr(march, "checked_step", missing)
+    controller = march.Controller(1e-2, 5, 1.0, (1.0, march.NONE))
+    controller.step(None, SimpleNamespace(t=0.0), 1.0)
+    assert len(tried) == steps
+    assert 1e-3 < tried[-1] ** order <= 1e-2
 
 
 @pytest.mark.parametrize("pace", [1e-3, 1.0, 1e3])

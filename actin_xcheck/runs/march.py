@@ -4,6 +4,7 @@ Steps land on every output time; a failed step ends the run as a value.
 """
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -128,9 +129,11 @@ class Controller:
         """One step that meets the tolerance and does not pass `end`; tries again with smaller ones.
 
         A step that fails is tried again too, for the failure may be the step's; at `SMALLEST` of the time
-        that has passed it is the state's, and its Outcome stands.
+        that has passed it is the state's, and its Outcome stands.  From the second one on, errors that miss
+        it say themselves with which order they fall.
         """
-        order, goal = self.order, self.tolerance
+        falls, goal = self.order, self.tolerance
+        tried = missed = math.inf
         while True:
             left = end - state.t
             # the last two steps before an output time share what is left
@@ -148,7 +151,10 @@ class Controller:
                     return state, outcome
                 message = f"a step of {dt:.2g} at t = {state.t:.6g} still misses the tolerance {goal:g}"
                 return state, Outcome(Ending.STEP_TOO_SMALL, message)
-            self.dt = dt * (0.25 if not outcome.ok else min(max(0.9 * error ** (-1 / order), 0.1), 0.9))
+            if error < missed < math.inf:  # where data are rough, errors fall less than a method's
+                falls = min(max(math.log(missed / error) / math.log(tried / dt), 1.0), self.order)
+            tried, missed = dt, error
+            self.dt = dt * (0.25 if not outcome.ok else min(max(0.9 * error ** (-1 / falls), 0.1), 0.9))
 
     def _growth(self, error: float) -> float:
         """Of the step after one of this error, over the tolerance; by that error alone after the first."""
