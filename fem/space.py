@@ -22,6 +22,9 @@ SIDES = list(permutations(range(3), 2))
 LEAF, LARGE_LEAF = 32, 200
 """Nodes that are not worth dissecting further: dense elimination is faster; those on sides of large cells."""
 
+DENSE = 128
+"""Nodes of large cells that are not dissected at all: one product is faster than the calls of many."""
+
 CUTS = np.array([[1, 0], [0, 1], [1, 1], [1, -1]])
 """Normals of the lines tried as cuts."""
 
@@ -169,6 +172,8 @@ class Space:
         pattern = self.scalars.pattern
         if self.order < CELLWISE:
             return nested_dissection(self.xi, pattern.rows, pattern.columns, LEAF)
+        if self.xi.shape[1] <= DENSE:
+            return np.zeros(self.xi.shape[1], dtype=np.int64)
         # the inner nodes of a cell come first: what couples them is dense, and as large as the next cell's
         inner = self.cells[3 * self.order :]
         parts = np.full(self.xi.shape[1], -1)

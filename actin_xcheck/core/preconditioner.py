@@ -66,12 +66,14 @@ class Preconditioner:
         scale = np.abs(vector).max()  # keeps small residuals out of single precision's underflow
         x = np.zeros(vector.size + 1, dtype=np.float32)  # the last one is where padding points
         x[:-1] = vector[self._order] / scale
-        for group in self._groups:
+        for group in self._groups[:-1]:  # the last one has no boundary
             np.subtract.at(x, group.boundary.ravel(), (group.coupling @ x[group.pivots]).ravel())
         x[-1] = 0
         for group in reversed(self._groups):
-            back = group.coupling.swapaxes(1, 2) @ x[group.boundary]
-            x[group.pivots] = group.inverse @ x[group.pivots] - back
+            own = group.inverse @ x[group.pivots]
+            if group.boundary.size:
+                own -= group.coupling.swapaxes(1, 2) @ x[group.boundary]
+            x[group.pivots] = own
         solution = np.empty_like(vector)
         solution[self._order] = x[:-1]
         return solution * scale
