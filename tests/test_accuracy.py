@@ -77,6 +77,19 @@ def test_errors_in_time_are_measured_by_steps_that_become_more(accuracy, rtol):
     assert climb.in_time <= 0.5 * accuracy
 
 
+def test_where_little_is_missing_no_run_is_made_to_measure_it():
+    """Steps may use up 0.75 of 1e-4, and 0.94 follows: they become shorter, until 0.5 does."""
+    runs = {1e-3: probed(3, 0.2 * 4.0**-4), 3e-5: probed(9, 0.2 * (4 * 0.03**-0.25) ** -4)}
+    climb = climb_of(runs, 1e-4)
+    fall = (4 / 10) ** 4
+    missed = 4 * fall * 0.2 * (4.0**-4) * (1 - 0.03) / (1 - fall) / 0.5e-4
+    assert climb._with_tolerance(LEVELS[0], runs[1e-3]) is runs[3e-5]
+    assert 1.5 < missed < 3
+    assert climb.in_time == pytest.approx(0.5e-4)
+    assert climb.rtol == pytest.approx(3e-5 * missed**-1.25, rel=1e-2)
+    assert climb.shorter == pytest.approx(missed**-0.25)
+
+
 def test_steps_that_output_times_cut_short_do_not_flatter():
     """Two runs of the same steps change by nothing, whatever their error is."""
     runs = {1e-2: probed(3, 1e-5), 3e-4: probed(3, 1e-5), 9e-6: probed(7, 1e-7)}
