@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from actin_xcheck.cli.conduct import DryRun, Json, Listed, Open, Quiet, command, print_names, print_table
+from actin_xcheck.cli import conduct
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 SUMMARY, JUNIT = "summary.json", "junit.xml"
 
 
+Checks = Annotated[
+    list[str] | None, typer.Option(metavar="GLOB", help="Checks by name; may be given more than once.")
+]
+
+
 def nightly_command(
     budget: Annotated[
         float | None, typer.Option(help="Minutes in all; what is not expected to fit is not begun.", min=0.01)
@@ -36,53 +41,46 @@ def nightly_command(
     baseline: Annotated[
         str | None, typer.Option(metavar="NIGHT", help="Fail where a number is worse than in that night.")
     ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="GLOB", help="Checks by name; may be given more than once.")
-    ] = None,
-    listed: Listed = False,
+    only: Checks = None,
+    listed: conduct.Listed = False,
     failed: Annotated[bool, typer.Option("--failed", help="Only what failed when it was run last.")] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the night that was interrupted.")
     ] = False,
-    jobs: Annotated[int | None, typer.Option(help="Processes; default: one a core.", min=1)] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a dask.distributed scheduler, in place of --jobs; its workers share the folder, "
-            "and costs are measured here."
-        ),
-    ] = None,
+    jobs: conduct.Jobs = None,
+    scheduler: conduct.Scheduler = None,
     fault: Annotated[
         str | None, typer.Option(help="Switch a deliberate fault on, to see the lights turn red.")
     ] = None,
     out_dir: Annotated[Path, typer.Option("--out", help="Folder of all nights.")] = Path("reports"),
-    as_json: Json = False,
-    quiet: Quiet = False,
-    dry_run: DryRun = False,
+    as_json: conduct.Json = False,
+    quiet: conduct.Quiet = False,
+    dry_run: conduct.DryRun = False,
     markdown: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write what it comes to, as for a pull request.")
     ] = None,
-    open_page: Open = False,
+    open_page: conduct.Open = False,
 ) -> None:
     """Run the verification suite, keep its numbers, and draw the dashboard: index.html over all nights.
 
     Conservation, exact solutions, modes, reference values, FEM against FV, orders, negative controls, work
     and times: first what failed last, then what is cheapest.  Exit code 0 when all is green, 1 when not, 2
-    for a mistake in what was asked.  A night with a deliberate fault is no part of the history.
+    for a mistake in what was asked.  A night with a deliberate fault is no part of the history.  Costs are
+    measured on this machine, with --scheduler too.
     """
-    from actin_xcheck.cli.conduct import say_seconds
     from actin_xcheck.nightly.plan import Wish, cost, suite
     from actin_xcheck.runs.executor import executor, jobs_asked
 
     if listed:
-        print_names(item.name for item in suite())
-    wish = Wish(out_dir, budget, fault or "", baseline or "", tuple(only or ()), failed, resume, command())
+        conduct.print_names(item.name for item in suite())
+    wish = Wish(
+        out_dir, budget, fault or "", baseline or "", tuple(only or ()), failed, resume, conduct.command()
+    )
     if dry_run:
         count, seconds, fit = cost(wish, suite(), workers := jobs_asked(jobs, scheduler))
         by = f"{workers} processes" + (f"; {fit} of them fit" if fit < count else "")
-        say_seconds("nightly", count, f"{count} checks", seconds, by, as_json)
-    processes = executor(jobs_asked(jobs, scheduler), scheduler)
-    away = scheduler is not None
+        conduct.say_seconds("nightly", count, f"{count} checks", seconds, by, as_json)
+    processes, away = executor(jobs_asked(jobs, scheduler), scheduler), scheduler is not None
     raise typer.Exit(
         spend(wish, suite(), processes, away, as_json, quiet, markdown=markdown, open_page=open_page)
     )
@@ -110,7 +108,6 @@ def spend(
     markdown, open_page : a file for its summary; whether to open its page.
     how : see `carry_through`.
     """
-    from actin_xcheck.cli.conduct import kept_in, opened, saying_the_cost
     from actin_xcheck.cli.output import Progress, say
     from actin_xcheck.core.files import replace_file
     from actin_xcheck.nightly.carry_out import carry_through
@@ -123,8 +120,8 @@ def spend(
     seconds = kernel or float(reference_kernel()[0])
     with processes as workers, begun(wish, suite, seconds) as tonight:
         left = tonight.deadline - time.time()
-        with Progress(quiet, left) as progress, kept_in(tonight.kept.folder, "nightly --resume"):
-            tell = saying_the_cost(progress, workers.workers, left)
+        with Progress(quiet, left) as progress, conduct.kept_in(tonight.kept.folder, "nightly --resume"):
+            tell = conduct.saying_the_cost(progress, workers.workers, left)
             kept = carry_through(tonight, wish.history, workers, tell, away, **how)
         replace_file(kept.folder / JUNIT, junit(kept))
         write_scene_pages(kept.folder)
@@ -133,7 +130,7 @@ def spend(
     index = write_dashboard(wish.reports)
     if markdown:
         replace_file(markdown, summary(kept, wish.history, answer.flaky).encode("utf-8"))
-    opened(answer.page, open_page)
+    conduct.opened(answer.page, open_page)
     if as_json:
         say(answer)
     else:
@@ -295,7 +292,7 @@ def _show(rows: Rows) -> None:
     table = Table(*next(rows), box=None)
     for row in rows:
         table.add_row(*map(escape, row))
-    print_table(table)
+    conduct.print_table(table)
 
 
 def nights_table(nights: "Sequence[Counted]") -> Rows:
