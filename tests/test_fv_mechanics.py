@@ -380,3 +380,18 @@ def test_no_force_balance_fails_in_silence(monkeypatch):
     assert "relative residual" in outcome.message
     outcome = FvForceBalance(model, MESH).flow(0.0, MESH.xi, a * np.nan).outcome
     assert outcome.ending is Ending.NON_FINITE
+
+
+@pytest.mark.parametrize("delta", [Delta.FULL, Delta.RING])
+def test_the_pressure_ends_where_it_is_seen_on_faces_and_in_the_cells_of_the_ring(delta):
+    """A triangle shrunk to 0.6 has 1 + phi = 3 - 2/0.6 < 0 of its own, its faces and those around have not."""
+    mesh = disk(3, 0.8)
+    balance = FvForceBalance(Model(Parameters(2.0, 6.0), delta=delta), mesh)
+    beside = set(balance.faces.cells[:, balance.ring].ravel().tolist())
+    inner = int(np.hypot(*(mesh.centroids - [[0.3], [0.2]])).argmin())
+    for cell in (inner, *list(beside)[:1]):
+        x, corners = mesh.xi.copy(), mesh.triangles[:, cell]
+        x[:, corners] = 0.6 * x[:, corners] + 0.4 * mesh.centroids[:, [cell]]
+        outcome = balance.intact(0.0, x)
+        assert outcome.ok == (cell not in beside)
+        assert outcome.ok or f"1 + phi = {3 - 2 / 0.6:.3g}" in outcome.message
