@@ -384,7 +384,7 @@ def test_no_force_balance_fails_in_silence(monkeypatch):
 
 @pytest.mark.parametrize("delta", [Delta.FULL, Delta.RING])
 def test_the_pressure_ends_where_it_is_seen_on_faces_and_in_the_cells_of_the_ring(delta):
-    """A triangle shrunk to 0.6 has 1 + phi = 3 - 2/0.6 < 0 of its own, its faces and those around have not."""
+    """A triangle shrunk to 0.6 has 1 + phi = 3 - 2/0.6 < 0 of its own; its faces have not."""
     mesh = disk(3, 0.8)
     balance = FvForceBalance(Model(Parameters(2.0, 6.0), delta=delta), mesh)
     beside = set(balance.faces.cells[:, balance.ring].ravel().tolist())

@@ -187,6 +187,26 @@ def test_a_step_may_not_end_where_the_pressure_is_singular_on_the_rim_alone(meth
     assert "1 + phi = -0.5" in outcome.message
 
 
+@pytest.mark.parametrize("method", ["fv", "fem-p3-imex4"])
+def test_the_end_of_a_step_is_asked_with_what_the_rim_carries_there(method, monkeypatch):
+    solver = bind(scene("reference-normal", "full"), Numerics(METHODS[method], 2, 1.0))
+    balance, asked = type(solver.mechanics), []
+    intact = balance.intact
+
+    def noted(self, t, x, carried):
+        asked.append((t, x, carried))
+        return intact(self, t, x, carried)
+
+    monkeypatch.setattr(balance, "intact", noted)
+    new, outcome = solver.step(solver.init(), 1e-2)
+    assert outcome.ok
+    ((t, x, carried),) = asked
+    assert t == new.t
+    assert np.array_equal(x, new.x)
+    assert np.array_equal(carried, new.carried)
+    assert np.abs(carried - solver.init().carried).max() > 1e-3
+
+
 def test_at_rest_nothing_is_stretched():
     model, mesh = Model(Parameters(2.0, 6.0), closure=Closure.TRACTION_FREE), disk(2, 0.8)
     space = Space.on(mesh, 3, 0.8)

@@ -419,6 +419,9 @@ def test_round_off_of_a_growth_rate_is_that_of_a_logarithm_over_its_window(tmp_p
     whole = parse_scene(text, "modes.toml")
     run(whole, Numerics(method, 2, whole.time.end / 16, 1e-4), tmp_path / "run.vtkhdf", passing=True)
     twice = Levels(method, (read_run(tmp_path / "run.vtkhdf"),) * 2)
+    ended = replace(twice.runs[0], series={name: rows[:2] for name, rows in twice.runs[0].series.items()})
+    third = Levels(method, (*twice.runs, ended))
+    assert "a third one failed" in estimate(whole, third, "area", whole.output_times[-1])[2]
     window = next(line for line in text.splitlines() if line.startswith("window"))
     found = []
     for length in 0.2, 0.4:
