@@ -90,11 +90,8 @@ SMALL = 0.1
 IN_TIME, AT_MOST = 0.5, 0.75
 """Of the accuracy asked for, the part that steps may use up; and may before yet smaller ones are tried."""
 
-LOOSEST, TIGHTEST, FINER = 1e-2, 1e-13, 0.03
-"""Tolerances of a step, and from one to the next."""
-
-LOOSER = 10.0
-"""Times the accuracy asked for, the first tolerance of a step."""
+LOOSER, LOOSEST, TIGHTEST, FINER = 10.0, 1e-2, 1e-13, 0.03
+"""Tolerances of a step: times the accuracy, to begin with; at most, at least, and from one to the next."""
 
 BERTH, FALL = 2.0, 4
 """Times an error in time on the coarsest mesh, that on others, whose steps differ a little; once more where
@@ -112,11 +109,14 @@ FAR = 3.0
 LOWEST = 5
 """The least degree of which two parts tell how they fall: the constant and the slope are the scene's own."""
 
+SEEN = 8
+"""Steps in the window of a growth rate, at least: what is fitted needs six samples."""
+
 COARSE, FINE = "coarse", "fine"
 """Names of runs that are not delivered."""
 
 AGAIN = 0.01
-"""Two levels that fail alike, at times this close to each other, relative: then it is the model that ends."""
+"""Two meshes that fail alike, at times this close to each other, relative: then it is the model that ends."""
 
 
 @dataclass(frozen=True)
@@ -211,14 +211,16 @@ class _Climb:
         reduction: Reduction,
         solve: Callable[[AccuracyLevel, float, str, float], tuple[Outcome, Run]],
     ) -> None:
-        self.scene, self.accuracy, self.path, self.solve = scene, accuracy, path, solve
-        self.reduction = reduction
-        self.measures_rate = scene.expect.growth_rate and reduction.fidelity is not Fidelity.MODAL
-        mode = scene.initial.eigenmode
+        self.scene, self.accuracy, self.reduction = scene, accuracy, reduction
+        self.path, self.solve = path, solve
+        # what linear modes leave out is the same on all levels: no change shows it
+        self.neglected = SMALL * accuracy if reduction.fidelity is Fidelity.MODAL else 0.0
+        rate, mode = scene.expect.growth_rate, scene.initial.eigenmode
         # a step's tolerance is relative to a = 1, a rate to how large its mode is
-        size = mode.amplitude if self.measures_rate and mode else 1.0
+        size = mode.amplitude if rate and mode else 1.0
         self.rtol, self.in_time = float(f"{size * _loosest(accuracy):.3g}"), math.nan
-        self.longest, self.shorter = math.inf, 1.0
+        self.largest = float(np.ptp(rate.window)) / SEEN if rate else math.inf
+        self.longest, self.shorter = self.largest, 1.0
         self.changes: list[float] = []
         self.shares: list[float] = []
 
@@ -242,11 +244,13 @@ class _Climb:
                 else:
                     self.changes.append(self._change(before, now))
                     self.shares.append(self._share(level, before, now))
-                    estimate = estimated(self.changes, self.shares) + self.in_time + self._neglected()
+                    estimate = estimated(self.changes, self.shares) + self.in_time + self.neglected
                 before = now
             if estimate <= self.accuracy or (not outcome.ok and failed and _alike(failed, now)):
                 break
             failed = None if outcome.ok else now
+            if failed and math.isnan(self.in_time):  # of what long steps make of an end nothing is known
+                self.rtol = _finer(self.rtol)
         return Delivered(
             outcome=outcome,
             level=reached,
@@ -260,7 +264,7 @@ class _Climb:
         finer = self.rtol
         while True:
             finer = _finer(finer)
-            outcome, better = self.solve(level, finer, FINE, math.inf)
+            outcome, better = self.solve(level, finer, FINE, self.largest)
             if not outcome.ok:
                 return now
             fewer = len(now.series["time"]) / len(better.series["time"])
@@ -291,14 +295,10 @@ class _Climb:
 
     def _change(self, coarse: Run, fine: Run) -> float:
         largest = change(coarse, fine, self.scene.output_times)
-        if self.measures_rate:
+        if self.scene.expect.growth_rate:
             one, other = (fitted_rate(self.scene, run) for run in (coarse, fine))
             largest = float(np.maximum(largest, abs(one - other) / (abs(other) or 1.0)))
         return largest
-
-    def _neglected(self) -> float:
-        """What linear modes leave out is the same on all levels: no change shows it."""
-        return SMALL * self.accuracy if self.reduction.fidelity is Fidelity.MODAL else 0.0
 
 
 def levels_of(scene: Scene, wanted: Wanted) -> list[Numerics]:
@@ -343,10 +343,11 @@ def _finer(rtol: float) -> float:
 
 
 def _alike(one: Run, other: Run) -> bool:
-    """Whether two failed runs ended in the same way at the same time."""
-    times = [run.series["time"][-1] for run in (one, other)]
+    """Whether two failed runs, the other one on smaller cells, ended in the same way at the same time."""
     same = one.attributes["outcome"] == other.attributes["outcome"]
-    return bool(same and abs(times[0] - times[1]) <= AGAIN * times[1])
+    smaller = one.attributes["refine"] < other.attributes["refine"]
+    ends = [run.series["time"][-1] for run in (one, other)]
+    return bool(same and smaller and abs(ends[0] - ends[1]) <= AGAIN * ends[1])
 
 
 def change(coarse: Run, fine: Run, times: Sequence[float]) -> float:
