@@ -32,6 +32,7 @@ from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, Wanted
 from actin_xcheck.runs.run import run
 from actin_xcheck.runs.store import Run, annotate, read_run
+from actin_xcheck.scene.resolve import perturbation
 from actin_xcheck.scene.scene import Scene
 
 SHARE = 0.6
@@ -130,7 +131,7 @@ class Delivered:
     reduction : how much of the model was solved.
     estimate : of the largest error of area and total actin (relative), concentrations and positions at the
         probes and the centroid (absolute) over the output times, and of the growth rate that the scene
-        expects (relative); nan where fewer than two levels completed.
+        expects (relative); over the size of a transient that it expects; nan without two levels.
     changes : largest change from level to level.
     """
 
@@ -177,13 +178,13 @@ def deliver(
         def solve(level: AccuracyLevel, rtol: float, name: str, longest: float) -> tuple[Outcome, Run]:
             file = Path(folder) / name
             numerics = Numerics(level.method, level.refine, min(longest, scene.time.end), rtol, reduction)
-            passing = name != path.name
-            outcome = run(scene, numerics, file, command, progress, passing=passing, pictures=pictures)
+            last = name == path.name
+            outcome = run(scene, numerics, file, command, progress, passing=not last, pictures=pictures)
             return outcome, read_run(file)
 
         climb = _Climb(scene, accuracy, beside, reduction, solve)
         reached = climb.to_the_finest_needed(_that_serve(levels, accuracy))
-        annotate(beside, {"accuracy": accuracy, "error_estimate": reached.estimate})
+        annotate(beside, {"accuracy": accuracy, "error_estimate": climb.scale * reached.estimate})
         publish(beside, path)
     if reached.outcome.ok and not reached.estimate <= accuracy:
         raise OutOfReach(
@@ -216,13 +217,14 @@ class _Climb:
         # what linear modes leave out is the same on all levels: no change shows it
         self.neglected = SMALL * accuracy if reduction.fidelity is Fidelity.MODAL else 0.0
         rate, mode = scene.expect.growth_rate, scene.initial.eigenmode
+        # energies are relative to those of the start
+        self.scale = perturbation(scene) if scene.expect.transient else 1.0
         # a step's tolerance is relative to a = 1, a rate to how large its mode is
-        size = mode.amplitude if rate and mode else 1.0
+        size = mode.amplitude if rate and mode else self.scale
         self.rtol, self.in_time = float(f"{size * _loosest(accuracy):.3g}"), math.nan
         self.largest = float(np.ptp(rate.window)) / SEEN if rate else math.inf
         self.longest, self.shorter = self.largest, 1.0
-        self.changes: list[float] = []
-        self.shares: list[float] = []
+        self.changes, self.shares = list[float](), list[float]()
 
     def to_the_finest_needed(self, levels: Sequence[AccuracyLevel]) -> Delivered:
         """Run levels until one is accurate enough, or two fail alike; the run of the last is left."""
@@ -294,7 +296,7 @@ class _Climb:
         return min(level.share, max(LEAST, TIMES * _left(now)))
 
     def _change(self, coarse: Run, fine: Run) -> float:
-        largest = change(coarse, fine, self.scene.output_times)
+        largest = change(coarse, fine, self.scene.output_times) / self.scale
         if self.scene.expect.growth_rate:
             one, other = (fitted_rate(self.scene, run) for run in (coarse, fine))
             largest = float(np.maximum(largest, abs(one - other) / (abs(other) or 1.0)))

@@ -54,6 +54,11 @@ def probe_points(scene: Scene) -> Array:
     return turn_matrix(scene) @ np.array(scene.probes.points, dtype=float).reshape(-1, 2).T
 
 
+def perturbation(scene: Scene) -> float:
+    """Largest |a - 1| at the scene's probes at the start."""
+    return float(np.abs(resolve(scene).a0(probe_points(scene)) - 1).max())
+
+
 def in_scene_frame(scene: Scene, expression: Expression, x: Array, xi: Array, t: float) -> Array:
     """Evaluate an expression of x, y, r, theta, x0, y0, t at positions x of material points xi (2, ...)."""
     back = turn_matrix(scene).T
