@@ -163,9 +163,9 @@ def test_a_run_on_a_distorted_mesh_is_made_again_by_its_command(tmp_path, monkey
     monkeypatch.chdir(folder)
     typed(case.command(scene), "--quiet")
     made = read_run(folder / "run.vtkhdf").series
-    assert made["area"][-1] == pytest.approx(answer.area, rel=1e-14)
-    assert made["probe_a"][-1] == pytest.approx(answer.a[: len(scene.probes.points)], rel=1e-12)
-    assert len(made["time"]) == answer.steps + 1
+    assert made["area"][-1] == pytest.approx(answer.said.area, rel=1e-14)
+    assert made["probe_a"][-1] == pytest.approx(answer.said.a[: len(scene.probes.points)], rel=1e-12)
+    assert len(made["time"]) == answer.said.steps + 1
 
 
 def test_a_rim_is_made_again_by_its_command(tmp_path, monkeypatch):

@@ -296,4 +296,4 @@ def test_theory_draws_no_limits_of_steps_that_it_does_not_know(toy):
 def test_its_errors_on_distorted_meshes_are_measured(toy, tmp_path):
     scene = load_scene("static-decay")
     case, _ = cases_of(scene, toy, FAMILIES["perturbed"], 0.3)
-    assert answer_of(case, tmp_path).ending == Ending.COMPLETED
+    assert answer_of(case, tmp_path).said.ending == Ending.COMPLETED
