@@ -27,7 +27,7 @@ Validation in Scientific Computing, 2010, chapter 8):
 * Fs = 1.25 and q = p where the observed order log2(c2/c1) lies within a tenth of p and both changes go the
   same way: errors that go up and down have no order, whatever two changes say;
 * else Fs = 3 and q = the observed order, at least 1/2 and at most p; with two levels Fs = 3 and q = p, but
-  1/2 where a third one gave no number: h is too large there for an order;
+  1 where a third one gave no number: h is too large there for more;
 * Fs = 3 wherever meshes are not similar, so that the factor of h^p differs from level to level;
 * a change smaller than order p leaves of the one before it is an accident (errors that change sign) and is
   not believed: hence the max.
@@ -306,9 +306,6 @@ def _flux_of_change(scene: Scene) -> float:
 ASYMPTOTIC, ELSEWHERE = 1.25, 3.0
 """Safety factors where the observed order confirms the declared one, and where it does not or cannot."""
 
-LOWEST = 0.5
-"""Of the orders that levels are taken to have."""
-
 CONFIRMED = 0.1
 """Of the declared order: how near the observed one must come."""
 
@@ -347,7 +344,7 @@ def _of_levels(
     fine, coarse = values[:2]
     change = float(np.abs(fine - coarse).max())
     if len(values) < 3:
-        power = LOWEST if lacks else order
+        power = 1.0 if lacks else order
         how = (
             f"Fs = {ELSEWHERE:g}, two levels of order {power:g}{', for a third one failed' if lacks else ''}"
         )
@@ -359,7 +356,7 @@ def _of_levels(
         observed = float(np.log2(before) - np.log2(change))
     goes_on = float(((fine - coarse) * (coarse - values[2])).sum()) > 0
     confirmed = similar and goes_on and abs(observed - order) <= CONFIRMED * order
-    power = order if confirmed else min(max(observed, LOWEST), order)
+    power = order if confirmed else min(max(observed, 0.5), order)
     factor = ASYMPTOTIC if confirmed else ELSEWHERE
     largest = max(change, before / 2**order)
     how = f"Fs = {factor:g}, observed order {observed:.2f} of {order:g}"
