@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from actin_xcheck.core.claim import ClaimKind
-from actin_xcheck.runs.accuracy import fitted_rate
 from actin_xcheck.runs.fidelity import Fidelity, reduced
+from actin_xcheck.runs.growth import fitted_rate
 from actin_xcheck.runs.method import METHODS
 from actin_xcheck.runs.numerics import Numerics
 from actin_xcheck.runs.run import run

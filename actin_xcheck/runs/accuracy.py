@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from actin_xcheck.core.errors import Outcome, UserError
 from actin_xcheck.core.files import publish
 from actin_xcheck.core.lagrange import sizes_by_degree
 from actin_xcheck.runs.fidelity import Fidelity, Reduction, reduced
+from actin_xcheck.runs.growth import energy_growth, fitted_rate
 from actin_xcheck.runs.march import Progress
 from actin_xcheck.runs.method import METHODS, Method
 from actin_xcheck.runs.numerics import Numerics, Wanted
@@ -130,8 +130,8 @@ class Delivered:
     level : the last one.
     reduction : how much of the model was solved.
     estimate : of the largest error of area and total actin (relative), concentrations and positions at the
-        probes and the centroid (absolute) over the output times, and of the growth rate that the scene
-        expects (relative); over the size of a transient that it expects; nan without two levels.
+        probes and the centroid (absolute) over the output times, and of the growth rate or the energy's
+        growth that the scene expects (relative); nan where fewer than two levels completed.
     changes : largest change from level to level.
     """
 
@@ -178,13 +178,13 @@ def deliver(
         def solve(level: AccuracyLevel, rtol: float, name: str, longest: float) -> tuple[Outcome, Run]:
             file = Path(folder) / name
             numerics = Numerics(level.method, level.refine, min(longest, scene.time.end), rtol, reduction)
-            last = name == path.name
-            outcome = run(scene, numerics, file, command, progress, passing=not last, pictures=pictures)
+            passing = name != path.name and not scene.expect.transient  # whose energy is that of frames
+            outcome = run(scene, numerics, file, command, progress, passing=passing, pictures=pictures)
             return outcome, read_run(file)
 
         climb = _Climb(scene, accuracy, beside, reduction, solve)
         reached = climb.to_the_finest_needed(_that_serve(levels, accuracy))
-        annotate(beside, {"accuracy": accuracy, "error_estimate": climb.scale * reached.estimate})
+        annotate(beside, {"accuracy": accuracy, "error_estimate": reached.estimate})
         publish(beside, path)
     if reached.outcome.ok and not reached.estimate <= accuracy:
         raise OutOfReach(
@@ -217,10 +217,8 @@ class _Climb:
         # what linear modes leave out is the same on all levels: no change shows it
         self.neglected = SMALL * accuracy if reduction.fidelity is Fidelity.MODAL else 0.0
         rate, mode = scene.expect.growth_rate, scene.initial.eigenmode
-        # energies are relative to those of the start
-        self.scale = perturbation(scene) if scene.expect.transient else 1.0
-        # a step's tolerance is relative to a = 1, a rate to how large its mode is
-        size = mode.amplitude if rate and mode else self.scale
+        # a step's tolerance is relative to a = 1, what grows to how large it is
+        size = perturbation(scene) if scene.expect.transient else mode.amplitude if rate and mode else 1.0
         self.rtol, self.in_time = float(f"{size * _loosest(accuracy):.3g}"), math.nan
         self.largest = float(np.ptp(rate.window)) / SEEN if rate else math.inf
         self.longest, self.shorter = self.largest, 1.0
@@ -252,7 +250,7 @@ class _Climb:
                 break
             failed = None if outcome.ok else now
             if failed and math.isnan(self.in_time):  # of what long steps make of an end nothing is known
-                self.rtol = _finer(self.rtol)
+                self.rtol = max(_finer(self.rtol), TIGHTEST)
         return Delivered(
             outcome=outcome,
             level=reached,
@@ -296,10 +294,11 @@ class _Climb:
         return min(level.share, max(LEAST, TIMES * _left(now)))
 
     def _change(self, coarse: Run, fine: Run) -> float:
-        largest = change(coarse, fine, self.scene.output_times) / self.scale
-        if self.scene.expect.growth_rate:
-            one, other = (fitted_rate(self.scene, run) for run in (coarse, fine))
-            largest = float(np.maximum(largest, abs(one - other) / (abs(other) or 1.0)))
+        largest, expected = change(coarse, fine, self.scene.output_times), self.scene.expect
+        for asked, measured in ((expected.growth_rate, fitted_rate), (expected.transient, energy_growth)):
+            if asked:
+                one, other = (measured(self.scene, run) for run in (coarse, fine))
+                largest = float(np.maximum(largest, abs(one - other) / (abs(other) or 1.0)))
         return largest
 
 
@@ -362,22 +361,6 @@ def change(coarse: Run, fine: Run, times: Sequence[float]) -> float:
         for name in ("probe_a", "probe_x", "centroid"):
             largest = np.maximum(largest, np.abs(one[name] - other[name]).max(initial=0.0))
     return float(largest)
-
-
-def fitted_rate(scene: Scene, run: Run) -> complex:
-    """The growth rate that the scene expects, as measured; nan where no exponentials fit."""
-    from actin_xcheck.theory.eigenfields import growth_rate  # here: few scenes expect one
-    from actin_xcheck.theory.growth import fit_growth
-
-    expected, series = scene.expect.growth_rate, run.series
-    assert expected is not None
-    oscillates = bool(growth_rate(scene.physics, expected.m, expected.n).imag)
-    # a start at rest excites both roots of (3.6), an eigenmode one, or a conjugate pair
-    exponentials: Literal[1, 2] = 1 if scene.initial.eigenmode and not oscillates else 2
-    try:
-        return fit_growth(series["time"], series["mode_amplitude"], expected.window, exponentials).rate
-    except ValueError:
-        return complex("nan")
 
 
 def estimated(changes: Sequence[float], shares: Sequence[float]) -> float:

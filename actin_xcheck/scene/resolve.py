@@ -55,8 +55,11 @@ def probe_points(scene: Scene) -> Array:
 
 
 def perturbation(scene: Scene) -> float:
-    """Largest |a - 1| at the scene's probes at the start."""
-    return float(np.abs(resolve(scene).a0(probe_points(scene)) - 1).max())
+    """Largest |a - 1| and |u| at the start, on circles in the disk."""
+    radii, angles = np.linspace(0, 1, 9), np.linspace(0, 2 * np.pi, 33)
+    xi = np.array([np.outer(radii, part(angles)).ravel() for part in (np.cos, np.sin)])
+    problem = resolve(scene)
+    return float(max(np.abs(problem.a0(xi) - 1).max(), np.abs(problem.u0(xi)).max()))
 
 
 def in_scene_frame(scene: Scene, expression: Expression, x: Array, xi: Array, t: float) -> Array:

@@ -16,8 +16,9 @@ import numpy as np
 
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.errors import Ending
-from actin_xcheck.runs.accuracy import change, fitted_rate
+from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.growth import fitted_rate
 from actin_xcheck.runs.numerics import command
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.scene import Scene

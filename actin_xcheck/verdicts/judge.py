@@ -15,6 +15,7 @@ import numpy as np
 from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.runs.accuracy import change
 from actin_xcheck.runs.fidelity import Fidelity
+from actin_xcheck.runs.growth import energy_growth
 from actin_xcheck.runs.method import PERTURBATIONS, load
 from actin_xcheck.runs.numerics import CHOSEN, command
 from actin_xcheck.runs.store import Run
@@ -27,7 +28,6 @@ from actin_xcheck.verdicts.known import (
     cell_difference,
     known,
     l2_error,
-    perturbation_energy,
     reference_errors,
 )
 from actin_xcheck.verdicts.triangulate import Levels, estimate, reaches
@@ -282,7 +282,7 @@ class _Judge:
         assert expected is not None
         most = load(PERTURBATIONS)(self.scene.physics, expected.m).growth(end)
         bound, note = _bound(expected.bound, self.run)
-        grown = perturbation_energy(self.scene, self.run, -1) / perturbation_energy(self.scene, self.run, 0)
+        grown = energy_growth(self.scene, self.run)
         return self._claim(
             kind=ClaimKind.TRANSIENT,
             quantity="energy",

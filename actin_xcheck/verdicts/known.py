@@ -11,8 +11,8 @@ from numpy.polynomial import legendre
 
 from actin_xcheck.core import lagrange
 from actin_xcheck.core.model import Array
-from actin_xcheck.core.parameters import Closure, Rheology
-from actin_xcheck.runs.accuracy import fitted_rate
+from actin_xcheck.core.parameters import Closure
+from actin_xcheck.runs.growth import fitted_rate
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.expression import coordinates
 from actin_xcheck.scene.resolve import in_scene_frame, turn_matrix
@@ -263,25 +263,6 @@ def cell_difference(first: Run, second: Run) -> float:
     areas = lagrange.areas(first.points[-1], first.cells)
     difference = first.a_cells[-1] - second.a_cells[-1]
     return float(np.sqrt(areas @ difference**2 / (areas @ first.a_cells[-1] ** 2)))
-
-
-def perturbation_energy(scene: Scene, run: Run, frame: int) -> float:
-    """The energy of a perturbation of a = 1, u = 0 in a frame of a run, as `predict transient` has it.
-
-    Gradients are those on the reference disk: what that neglects is of the perturbation's third power.
-    """
-    rule = lagrange.rule(run.order, 4 * run.order - 2)
-    dx = rule.dx(run.xi, run.cells)
-    a = rule.blend(run.a_points[frame] - 1, run.cells)
-    if scene.physics.rheology is Rheology.VISCOUS:
-        return float((a**2 * dx).sum() / 2)
-    (along, across), (up, upward) = lagrange.gradient(rule, run.points[frame] - run.xi, run.xi, run.cells)
-    _, nu_prime = scene.physics.elastic_moduli()
-    dilation = along + upward
-    stored = along**2 + upward**2 + (across + up) ** 2 / 2 + nu_prime * dilation**2
-    if scene.physics.closure is Closure.IRROTATIONAL_WALL:  # with u.n = 0, what the wall's friction adds
-        stored = (1 + nu_prime) * dilation**2 + (up - across) ** 2 / 2
-    return float(((a**2 + stored) * dx).sum() / 2)
 
 
 ROUND_OFF = 1e-12

@@ -19,7 +19,7 @@ from actin_xcheck.core.claim import Claim, ClaimKind
 from actin_xcheck.core.mesh import layer_widths
 from actin_xcheck.core.model import Array
 from actin_xcheck.core.parameters import Delta, Fidelity
-from actin_xcheck.runs.accuracy import fitted_rate
+from actin_xcheck.runs.growth import fitted_rate
 from actin_xcheck.runs.method import Method
 from actin_xcheck.runs.store import Run
 from actin_xcheck.scene.resolve import turn_matrix
